@@ -1,0 +1,88 @@
+#define _GNU_SOURCE
+#include "core/base/arena.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+struct sv_arena {
+    unsigned char *base;
+    size_t reserve, used;
+    int fd;
+    int sealed;
+};
+
+enum { ALIGN = 64, PAGE = 4096 };
+
+enum sv_status sv_arena_create(size_t reserve_bytes, struct sv_arena **arena, struct sv_error *error)
+{
+    if (reserve_bytes == 0 || reserve_bytes > (size_t)1 << 40)
+        return sv_fail(error, SV_EINVAL, "reserve_bytes", "%zu is outside 1 .. 2^40", reserve_bytes);
+    struct sv_arena *a = calloc(1, sizeof *a);
+    if (!a)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for an arena");
+    a->reserve = (reserve_bytes + PAGE - 1) / PAGE * PAGE;
+    a->fd = memfd_create("sv-arena", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    if (a->fd < 0 || ftruncate(a->fd, (off_t)a->reserve) != 0)
+        goto fail;
+    a->base = mmap(NULL, a->reserve, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, a->fd, 0);
+    if (a->base == MAP_FAILED)
+        goto fail;
+    *arena = a;
+    return SV_OK;
+fail:
+    sv_fail(error, SV_ENOMEM, NULL, "cannot reserve %zu bytes: %s", reserve_bytes, strerror(errno));
+    if (a->fd >= 0)
+        close(a->fd);
+    free(a);
+    return SV_ENOMEM;
+}
+
+void sv_arena_destroy(struct sv_arena *arena)
+{
+    if (!arena)
+        return;
+    munmap(arena->base, arena->reserve);
+    close(arena->fd);
+    free(arena);
+}
+
+void *sv_arena_alloc(struct sv_arena *arena, size_t count, size_t size)
+{
+    size_t bytes;
+    if (arena->sealed || __builtin_mul_overflow(count, size, &bytes))
+        return NULL;
+    if (bytes > arena->reserve - arena->used)
+        return NULL;
+    void *p = arena->base + arena->used;
+    size_t step = (bytes + ALIGN - 1) / ALIGN * ALIGN;
+    arena->used = step > arena->reserve - arena->used ? arena->reserve : arena->used + step;
+    return p;
+}
+
+void *sv_arena_copy(struct sv_arena *arena, const void *data, size_t bytes)
+{
+    void *p = sv_arena_alloc(arena, 1, bytes);
+    if (p && bytes)
+        memcpy(p, data, bytes);
+    return p;
+}
+
+size_t sv_arena_used(const struct sv_arena *arena)
+{
+    return arena->used;
+}
+
+enum sv_status sv_arena_seal(struct sv_arena *arena, struct sv_error *error)
+{
+    if (mprotect(arena->base, arena->reserve, PROT_READ) != 0)
+        return sv_fail(error, SV_EINTERNAL, NULL, "mprotect of the arena: %s", strerror(errno));
+    if (fcntl(arena->fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL) != 0)
+        return sv_fail(error, SV_EINTERNAL, NULL, "sealing the arena: %s", strerror(errno));
+    arena->sealed = 1;
+    return SV_OK;
+}

@@ -1,0 +1,12 @@
+/* id.h - the values of layer=id: 32 bits that name what a pixel shows. */
+#ifndef SV_SCENE_ID_H
+#define SV_SCENE_ID_H
+
+#include <stdint.h>
+
+#define SV_ID_SKY UINT32_C(0)
+#define SV_ID_TERRAIN UINT32_C(1)
+#define SV_ID_OBJECT_FIRST UINT32_C(0x40000000) /* + index of the object in the scene file */
+#define SV_ID_TREE_FIRST UINT32_C(0x80000000)   /* + sv_tree.number */
+
+#endif

@@ -1,0 +1,62 @@
+/* scene.h - a loaded scene: what every picture is drawn from. Filled once by sv_scene_load, then read only.
+ *
+ * Flow: scene_file -> geo (DEM, imagery, points), terrain (procedural, colouring), tree (import, grow), scatter ->
+ * forest -> arena, sealed. No GL here: core/view/renderer.h makes the textures and baked forms from it. */
+#ifndef SV_SCENE_SCENE_H
+#define SV_SCENE_SCENE_H
+
+#include "core/base/arena.h"
+#include "core/base/store.h"
+#include "core/geo/geo.h"
+#include "core/scene/forest.h"
+#include "core/scene/light.h"
+#include "core/scene/scene_file.h"
+#include "core/terrain/terrain.h"
+#include "core/tree/mesh.h"
+
+struct sv_species {
+    char name[SV_SCENE_NAME_MAX];
+    struct sv_tree_mesh mesh; /* arena */
+    uint64_t key;             /* hash of all that the mesh was made from: key of what is baked from it */
+    uint32_t tree_count;
+};
+
+struct sv_scene {
+    char name[SV_SCENE_NAME_MAX];
+    uint64_t version; /* hash of the scene file, of every input's path, size and mtime, and of the builders' versions */
+    struct sv_crs *crs;
+    struct sv_terrain terrain;
+    const struct sv_species *species;
+    int species_count;
+    struct sv_forest forest;
+    struct sv_sun sun;
+    const struct sv_object_spec *objects; /* kept; drawn by a later version */
+    int object_count;
+    double relief_distance_m;
+    int relief_resolution;
+    struct sv_arena *arena;
+    struct sv_scene_spec spec; /* owned */
+};
+
+/* One line of news while loading ("terrain: filled 9 voids ..."). level: 0 information, 1 warning. */
+typedef void (*sv_scene_log)(void *context, int level, const char *message);
+
+struct sv_scene_options {
+    struct sv_store *store; /* may be NULL */
+    sv_scene_log log;       /* may be NULL */
+    void *log_context;
+    size_t arena_bytes; /* address space to reserve; 0: 64 GiB */
+};
+
+/* Builds the scene; takes *spec (it is emptied) on success only. Errors collect as for the file. */
+SV_MUST_CHECK enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_options *options,
+                                           struct sv_scene **scene, struct sv_errors *errors);
+void sv_scene_destroy(struct sv_scene *scene);
+
+/* One species alone (import or grow, measured, through the store): what sv_scene_load does for each; the scene process
+ * calls it in forked children first, so that species build side by side into the store. Heap mesh. */
+SV_MUST_CHECK enum sv_status sv_species_build(const struct sv_species_spec *spec, struct sv_store *store,
+                                              struct sv_tree_mesh *mesh, uint64_t *key, struct sv_errors *notes,
+                                              struct sv_error *error);
+
+#endif

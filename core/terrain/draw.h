@@ -1,0 +1,30 @@
+/* draw.h - the terrain drawn by OSMesa with view-dependent level of detail: a 4-8 mesh refined top-down by screen-space
+ * error (Lindstrom and Pascucci 2002), without cracks by construction. Geometry errors are true bounds: the largest
+ * vertical distance between the triangle drawn and the full-detail surface below it (computed once, kept on disk). */
+#ifndef SV_TERRAIN_DRAW_H
+#define SV_TERRAIN_DRAW_H
+
+#include "core/base/store.h"
+#include "core/gl/frame.h"
+#include "core/terrain/terrain.h"
+
+struct sv_terrain_draw;
+
+struct sv_terrain_draw_stats {
+    uint32_t triangles;
+    double max_error_px; /* largest projected error left in what was drawn */
+};
+
+/* Builds errors (from the store when there) and textures. Borrows terrain for life. store may be NULL. */
+SV_MUST_CHECK enum sv_status sv_terrain_draw_create(const struct sv_terrain *terrain, struct sv_store *store,
+                                                    struct sv_terrain_draw **draw, struct sv_error *error);
+void sv_terrain_draw_destroy(struct sv_terrain_draw *draw);
+/* Draws into the bound target. error_px: allowed screen-space error; 0 draws full detail. stats may be NULL. */
+SV_MUST_CHECK enum sv_status sv_terrain_draw(struct sv_terrain_draw *draw, const struct sv_gl_frame *frame,
+                                             double error_px, struct sv_terrain_draw_stats *stats,
+                                             struct sv_error *error);
+
+/* The sky behind everything (where depth is still 0); draws color only, id 0. Call last. */
+SV_MUST_CHECK enum sv_status sv_sky_draw(const struct sv_gl_frame *frame, struct sv_error *error);
+
+#endif
