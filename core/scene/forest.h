@@ -44,7 +44,9 @@ struct sv_crown_bound {
     float bottom; /* <= 0, in heights */
 };
 
-/* Sorts trees (taken in any order; the array is reordered) and builds the hierarchy into the arena. SV_ENOMEM, SV_ELIMIT. */
+/* Sorts trees (taken in any order; the array is reordered in place, and forest->trees borrows it: allocate it from the
+ * arena) and builds the hierarchy into the arena. Every species must have its entry in bounds. No trees are legal.
+ * SV_ENOMEM; SV_ELIMIT over SV_FOREST_TREES_MAX; SV_EINVAL when a place or height is not finite. */
 SV_MUST_CHECK enum sv_status sv_forest_build(struct sv_tree *trees, uint32_t count,
                                              const struct sv_crown_bound *bounds, struct sv_arena *arena,
                                              struct sv_forest *forest, struct sv_error *error);
