@@ -1,0 +1,485 @@
+/* decode.cpp - bytes of a picture to pixels, by OpenImageIO out of memory.
+ *
+ * The format is told by the bytes themselves, by the extension only where there is no magic (TGA), and only
+ * formats of the table are tried: OpenImageIO would otherwise offer unknown bytes to every reader it has,
+ * films included. A texture comes out as straight sRGB: integers are taken as they are, floats as linear
+ * light; exr's premultiplied colour is divided. The SGI reader of OpenImageIO 2.4 takes no IOProxy: it is
+ * given a memfd by its path in /proc/self/fd. */
+#include "core/image/oiio.hpp"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+using namespace OIIO;
+
+namespace
+{
+
+struct Reader {
+    const char *plugin;
+    const char *magic; /* NULL: told by extension only */
+    int magic_size, magic_offset;
+    const char *extensions; /* between spaces */
+};
+
+const Reader readers[] = {
+    {"png", "\x89PNG\r\n\x1a\n", 8, 0, " png "},
+    {"jpeg", "\xff\xd8\xff", 3, 0, " jpg jpeg jpe jfif "},
+    {"tiff", "II*\0", 4, 0, " tif tiff "},
+    {"tiff", "MM\0*", 4, 0, " "},
+    {"tiff", "II+\0", 4, 0, " "},
+    {"tiff", "MM\0+", 4, 0, " "},
+    {"webp", "WEBP", 4, 8, " webp "},
+    {"openexr", "\x76\x2f\x31\x01", 4, 0, " exr "},
+    {"sgi", "\x01\xda", 2, 0, " sgi rgb rgba bw int inta "},
+    {"dds", "DDS ", 4, 0, " dds "},
+    {"bmp", "BM", 2, 0, " bmp dib "},
+    {"gif", "GIF8", 4, 0, " gif "},
+    {"psd", "8BPS", 4, 0, " psd "},
+    {"hdr", "#?RADIANCE", 10, 0, " hdr "},
+    {"pnm", "P6", 2, 0, " ppm pnm "},
+    {"pnm", "P5", 2, 0, " pgm "},
+    {"targa", nullptr, 0, 0, " tga tpic "},
+};
+
+/* Larger than this is no texture of a tree, and the limit on decoded bytes keeps a small file from asking for
+ * all memory. */
+constexpr size_t FILE_BYTES_MAX = (size_t)1 << 30;
+constexpr size_t PIXEL_BYTES_MAX = (size_t)2 << 30;
+
+const Reader *find_reader(const unsigned char *bytes, size_t size, const char *extension)
+{
+    for (const Reader &r : readers)
+        if (r.magic && size >= (size_t)(r.magic_size + r.magic_offset) &&
+            !memcmp(bytes + r.magic_offset, r.magic, (size_t)r.magic_size))
+            return &r;
+    if (!extension)
+        return nullptr;
+    std::string key = " ";
+    for (const char *p = extension; *p; p++)
+        key += *p >= 'A' && *p <= 'Z' ? (char)(*p + 32) : *p;
+    key += ' ';
+    for (const Reader &r : readers)
+        if (!r.magic && strstr(r.extensions, key.c_str()))
+            return &r;
+    return nullptr;
+}
+
+/* A file without a name that holds the bytes, for a reader that insists on a path. */
+class MemoryFile
+{
+  public:
+    MemoryFile(const void *bytes, size_t size) : fd_(memfd_create("silvista-image", MFD_CLOEXEC))
+    {
+        const char *p = (const char *)bytes;
+        while (fd_ >= 0 && size > 0) {
+            ssize_t n = write(fd_, p, size);
+            if (n <= 0) {
+                close(fd_);
+                fd_ = -1;
+                break;
+            }
+            p += n;
+            size -= (size_t)n;
+        }
+    }
+    ~MemoryFile()
+    {
+        if (fd_ >= 0)
+            close(fd_);
+    }
+    MemoryFile(const MemoryFile &) = delete;
+    MemoryFile &operator=(const MemoryFile &) = delete;
+    std::string path() const
+    {
+        return fd_ < 0 ? std::string() : "/proc/self/fd/" + std::to_string(fd_);
+    }
+
+  private:
+    int fd_;
+};
+
+/* An open picture; members die in the right order. */
+struct Source {
+    std::unique_ptr<MemoryFile> file;
+    std::unique_ptr<Filesystem::IOMemReader> memory;
+    std::unique_ptr<ImageInput> input;
+    std::string plugin;
+};
+
+enum sv_status open_source(const void *bytes, size_t size, const char *extension, Source &source,
+                           struct sv_error *error)
+{
+    const Reader *reader = bytes ? find_reader((const unsigned char *)bytes, size, extension) : nullptr;
+    if (!reader)
+        return sv_fail(error, SV_EFORMAT, "image", "%zu bytes of no known picture format%s%s", size,
+                       extension ? ", extension " : "", extension ? extension : "");
+    source.plugin = reader->plugin;
+    source.input = ImageInput::create(reader->plugin);
+    if (!source.input)
+        return sv_fail(error, SV_EUNSUPPORTED, "image", "OpenImageIO has no reader for %s", reader->plugin);
+    ImageSpec spec, config;
+    config.attribute("oiio:UnassociatedAlpha", 1);
+    std::string name = std::string("memory.") + reader->plugin;
+    if (source.input->supports("ioproxy")) {
+        source.memory = std::make_unique<Filesystem::IOMemReader>(bytes, size);
+        (void)source.input->set_ioproxy(source.memory.get());
+        void *proxy = source.memory.get();
+        config.attribute("oiio:ioproxy", TypeDesc::PTR, &proxy);
+    } else {
+        source.file = std::make_unique<MemoryFile>(bytes, size);
+        name = source.file->path();
+        if (name.empty())
+            return sv_fail(error, SV_EIO, "image", "memfd: %s", strerror(errno));
+    }
+    if (!source.input->open(name, spec, config))
+        return sv_fail(error, SV_EFORMAT, "image", "%s: %s", reader->plugin,
+                       source.input->geterror().c_str());
+    if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.depth > 1)
+        return sv_fail(error, SV_EFORMAT, "image", "%s of %d x %d x %d with %d channels", reader->plugin,
+                       spec.width, spec.height, spec.depth, spec.nchannels);
+    if (spec.width > SV_DECODE_SIDE_MAX || spec.height > SV_DECODE_SIDE_MAX)
+        return sv_fail(error, SV_ELIMIT, "image", "%d x %d is over %d a side", spec.width, spec.height,
+                       SV_DECODE_SIDE_MAX);
+    return SV_OK;
+}
+
+enum sv_status check_bytes(const ImageSpec &spec, int channels, size_t sample, struct sv_error *error)
+{
+    size_t need = (size_t)spec.width * (size_t)spec.height * (size_t)channels * sample;
+    if (need > PIXEL_BYTES_MAX)
+        return sv_fail(error, SV_ELIMIT, "image", "%d x %d with %d channels takes %zu bytes, over %zu",
+                       spec.width, spec.height, channels, need, PIXEL_BYTES_MAX);
+    return SV_OK;
+}
+
+enum sv_status read_pixels(Source &source, int first, int end, TypeDesc type, void *data,
+                           struct sv_error *error)
+{
+    if (!source.input->read_image(0, 0, first, end, type, data))
+        return sv_fail(error, SV_EFORMAT, "image", "%s: %s", source.plugin.c_str(),
+                       source.input->geterror().c_str());
+    return SV_OK;
+}
+
+enum sv_pixel_type raw_type(TypeDesc format)
+{
+    switch (format.basetype) {
+    case TypeDesc::UINT8:
+        return SV_PIXEL_U8;
+    case TypeDesc::UINT16:
+        return SV_PIXEL_U16;
+    case TypeDesc::UINT32:
+        return SV_PIXEL_U32;
+    default:
+        return SV_PIXEL_F32;
+    }
+}
+
+TypeDesc oiio_type(enum sv_pixel_type type)
+{
+    static const TypeDesc::BASETYPE types[] = {TypeDesc::UINT8, TypeDesc::UINT16, TypeDesc::UINT32,
+                                               TypeDesc::FLOAT};
+    return types[type];
+}
+
+/* How a file's channels make up a colour: indices, -1 for no alpha. */
+struct Channels {
+    int color[3], alpha, end; /* read [0, end) */
+};
+
+Channels color_channels(const ImageSpec &spec)
+{
+    Channels c = {{0, 0, 0}, -1, 1};
+    if (spec.nchannels >= 3)
+        c.color[1] = 1, c.color[2] = 2;
+    int named[3] = {spec.channelindex("R"), spec.channelindex("G"), spec.channelindex("B")};
+    if (named[0] >= 0 && named[1] >= 0 && named[2] >= 0)
+        memcpy(c.color, named, sizeof named);
+    if (spec.alpha_channel >= 0 && spec.alpha_channel < spec.nchannels && spec.nchannels > 1)
+        c.alpha = spec.alpha_channel;
+    else if (spec.nchannels == 2 || spec.nchannels == 4)
+        c.alpha = spec.nchannels - 1;
+    for (int k = 0; k < 3; k++)
+        c.end = c.color[k] >= c.end ? c.color[k] + 1 : c.end;
+    c.end = c.alpha >= c.end ? c.alpha + 1 : c.end;
+    return c;
+}
+
+/* Samples of one picture as linear light (decoded from sRGB unless float) and alpha, straight. */
+class Texels
+{
+  public:
+    Texels(const void *data, enum sv_pixel_type type, const Channels &channels, bool premultiplied)
+        : data_(data), type_(type), channels_(channels), premultiplied_(premultiplied)
+    {
+    }
+    void linear(size_t pixel, float rgba[4]) const
+    {
+        rgba[3] = channels_.alpha < 0 ? 1.0f : unit(sample(pixel, channels_.alpha));
+        for (int k = 0; k < 3; k++) {
+            float v = sample(pixel, channels_.color[k]);
+            if (type_ == SV_PIXEL_F32)
+                v = premultiplied_ && rgba[3] > 0 ? v / rgba[3] : v;
+            else
+                v = type_ == SV_PIXEL_U8 ? sv_linear_from_srgb8[u8(pixel, channels_.color[k])]
+                                         : sv_linear_from_srgb(v);
+            rgba[k] = v > 0 ? v : 0;
+        }
+    }
+    void srgb8(size_t pixel, unsigned char rgba[4]) const
+    {
+        if (type_ == SV_PIXEL_U8) {
+            for (int k = 0; k < 3; k++)
+                rgba[k] = u8(pixel, channels_.color[k]);
+            rgba[3] = channels_.alpha < 0 ? 255 : u8(pixel, channels_.alpha);
+            return;
+        }
+        float v[4];
+        linear(pixel, v);
+        store(v, rgba);
+    }
+    static void store(const float v[4], unsigned char rgba[4])
+    {
+        for (int k = 0; k < 3; k++)
+            rgba[k] = sv_srgb8_from_linear(v[k]);
+        rgba[3] = (unsigned char)(unit(v[3]) * 255.0f + 0.5f);
+    }
+
+  private:
+    static float unit(float v)
+    {
+        return v > 0 ? (v < 1 ? v : 1) : 0; /* NaN: 0 */
+    }
+    unsigned char u8(size_t pixel, int channel) const
+    {
+        return ((const unsigned char *)data_)[pixel * (size_t)channels_.end + (size_t)channel];
+    }
+    float sample(size_t pixel, int channel) const
+    {
+        size_t i = pixel * (size_t)channels_.end + (size_t)channel;
+        if (type_ == SV_PIXEL_U8)
+            return ((const unsigned char *)data_)[i] / 255.0f;
+        if (type_ == SV_PIXEL_U16)
+            return ((const uint16_t *)data_)[i] / 65535.0f;
+        return ((const float *)data_)[i];
+    }
+    const void *data_;
+    enum sv_pixel_type type_;
+    Channels channels_;
+    bool premultiplied_;
+};
+
+/* Area average of source pixels [x0, x1) x [y0, y1), colour weighted by alpha, in linear light. */
+void average(const Texels &texels, int width, int x0, int x1, int y0, int y1, unsigned char rgba[4])
+{
+    double sum[4] = {0, 0, 0, 0}, plain[3] = {0, 0, 0};
+    for (int y = y0; y < y1; y++)
+        for (int x = x0; x < x1; x++) {
+            float v[4];
+            texels.linear((size_t)y * (size_t)width + (size_t)x, v);
+            for (int k = 0; k < 3; k++) {
+                sum[k] += (double)v[k] * v[3];
+                plain[k] += v[k];
+            }
+            sum[3] += v[3];
+        }
+    double count = (double)(x1 - x0) * (y1 - y0);
+    float mean[4] = {0, 0, 0, (float)(sum[3] / count)};
+    for (int k = 0; k < 3;
+         k++) /* where all is transparent the colour beneath is kept: it bleeds into neighbours */
+        mean[k] = (float)(sum[3] > 0 ? sum[k] / sum[3] : plain[k] / count);
+    Texels::store(mean, rgba);
+}
+
+enum sv_status shrink(const Texels &texels, const ImageSpec &spec, int max_side, sv_image &out,
+                      struct sv_error *error)
+{
+    int side = spec.width > spec.height ? spec.width : spec.height;
+    int width = spec.width, height = spec.height;
+    if (side > max_side) {
+        width = (int)((int64_t)spec.width * max_side / side);
+        height = (int)((int64_t)spec.height * max_side / side);
+        width = width < 1 ? 1 : width;
+        height = height < 1 ? 1 : height;
+    }
+    enum sv_status status = sv_image_alloc(width, height, 4, SV_PIXEL_U8, &out, error);
+    if (status != SV_OK)
+        return status;
+    auto *to = (unsigned char *)out.data;
+    bool same = side <= max_side;
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++, to += 4) {
+            if (same) {
+                texels.srgb8((size_t)y * (size_t)width + (size_t)x, to);
+                continue;
+            }
+            int x0 = (int)((int64_t)x * spec.width / width),
+                x1 = (int)((int64_t)(x + 1) * spec.width / width);
+            int y0 = (int)((int64_t)y * spec.height / height),
+                y1 = (int)((int64_t)(y + 1) * spec.height / height);
+            average(texels, spec.width, x0, x1, y0, y1, to);
+        }
+    return SV_OK;
+}
+
+enum sv_status decode_rgba(const void *bytes, size_t size, const char *extension, int max_side,
+                           sv_image &rgba, bool *has_alpha, struct sv_error *error)
+{
+    Source source;
+    enum sv_status status = open_source(bytes, size, extension, source, error);
+    if (status != SV_OK)
+        return status;
+    const ImageSpec &spec = source.input->spec();
+    Channels channels = color_channels(spec);
+    enum sv_pixel_type type = raw_type(spec.format);
+    type = type == SV_PIXEL_U32 || !spec.channelformats.empty() ? SV_PIXEL_F32 : type;
+    status = check_bytes(spec, channels.end, sv_pixel_bytes(type), error);
+    if (status != SV_OK)
+        return status;
+    std::vector<unsigned char> pixels((size_t)spec.width * (size_t)spec.height * (size_t)channels.end *
+                                      sv_pixel_bytes(type));
+    status = read_pixels(source, 0, channels.end, oiio_type(type), pixels.data(), error);
+    if (status != SV_OK)
+        return status;
+    sv_image out = {};
+    bool premultiplied = source.plugin == "openexr";
+    status = shrink(Texels(pixels.data(), type, channels, premultiplied), spec, max_side, out, error);
+    if (status != SV_OK)
+        return status;
+    rgba = out;
+    if (has_alpha)
+        *has_alpha = channels.alpha >= 0;
+    return SV_OK;
+}
+
+/* Channels [first, end) of the picture in one type. */
+enum sv_status decode_range(Source &source, int first, int end, enum sv_pixel_type type, sv_image &image,
+                            struct sv_error *error)
+{
+    const ImageSpec &spec = source.input->spec();
+    enum sv_status status = check_bytes(spec, end - first, sv_pixel_bytes(type), error);
+    if (status != SV_OK)
+        return status;
+    sv_image out = {};
+    status = sv_image_alloc(spec.width, spec.height, end - first, type, &out, error);
+    if (status != SV_OK)
+        return status;
+    status = read_pixels(source, first, end, oiio_type(type), out.data, error);
+    if (status != SV_OK) {
+        sv_image_free(&out);
+        return status;
+    }
+    image = out;
+    return SV_OK;
+}
+
+/* The whole file in memory. */
+enum sv_status read_file(const char *path, std::vector<unsigned char> &bytes, struct sv_error *error)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return sv_fail(error, errno == ENOENT || errno == ENOTDIR ? SV_ENOENT : SV_EIO, path, "%s",
+                       strerror(errno));
+    struct stat st;
+    enum sv_status status = SV_OK;
+    if (fstat(fd, &st) != 0)
+        status = sv_fail(error, SV_EIO, path, "%s", strerror(errno));
+    else if (!S_ISREG(st.st_mode))
+        status = sv_fail(error, SV_EFORMAT, path, "not a regular file");
+    else if ((size_t)st.st_size > FILE_BYTES_MAX)
+        status =
+            sv_fail(error, SV_ELIMIT, path, "%lld bytes, over %zu", (long long)st.st_size, FILE_BYTES_MAX);
+    size_t have = 0;
+    if (status == SV_OK) {
+        try {
+            bytes.resize((size_t)st.st_size);
+        } catch (const std::bad_alloc &) {
+            status = sv_fail(error, SV_ENOMEM, path, "no memory for %lld bytes", (long long)st.st_size);
+        }
+    }
+    while (status == SV_OK && have < bytes.size()) {
+        ssize_t n = read(fd, bytes.data() + have, bytes.size() - have);
+        if (n < 0)
+            status = sv_fail(error, SV_EIO, path, "%s", strerror(errno));
+        else if (n == 0)
+            bytes.resize(have);
+        else
+            have += (size_t)n;
+    }
+    close(fd);
+    return status;
+}
+
+} // namespace
+
+enum sv_status sv_image_decode_bytes(const void *bytes, size_t size, const char *extension, int max_side,
+                                     struct sv_image *rgba, bool *has_alpha, struct sv_error *error)
+{
+    if (max_side < 1)
+        return sv_fail(error, SV_EINVAL, "max_side", "%d is below 1", max_side);
+    return sv_image_fenced(
+        error, "decode", [&]() -> enum sv_status {
+            return decode_rgba(bytes, size, extension, max_side, *rgba, has_alpha, error);
+        });
+}
+
+enum sv_status sv_image_decode_file(const char *path, int max_side, struct sv_image *rgba, bool *has_alpha,
+                                    struct sv_error *error)
+{
+    return sv_image_fenced(
+        error, path, [&]() -> enum sv_status {
+            std::vector<unsigned char> bytes;
+            enum sv_status status = read_file(path, bytes, error);
+            if (status != SV_OK)
+                return status;
+            const char *slash = strrchr(path, '/'), *dot = strrchr(path, '.');
+            const char *extension = dot && (!slash || dot > slash) ? dot + 1 : nullptr;
+            status = sv_image_decode_bytes(bytes.data(), bytes.size(), extension, max_side, rgba, has_alpha,
+                                           error);
+            if (status != SV_OK && error) /* name the file, not the parameter */
+                snprintf(error->field, sizeof error->field, "%s", path);
+            return status;
+        });
+}
+
+enum sv_status sv_image_decode_raw(const void *bytes, size_t size, const char *extension,
+                                   struct sv_image *image, struct sv_error *error)
+{
+    return sv_image_fenced(
+        error, "decode", [&]() -> enum sv_status {
+            Source source;
+            enum sv_status status = open_source(bytes, size, extension, source, error);
+            if (status != SV_OK)
+                return status;
+            const ImageSpec &spec = source.input->spec();
+            if (spec.nchannels > 16)
+                return sv_fail(error, SV_ELIMIT, "image", "%d channels, over 16", spec.nchannels);
+            enum sv_pixel_type type = spec.channelformats.empty() ? raw_type(spec.format) : SV_PIXEL_F32;
+            return decode_range(source, 0, spec.nchannels, type, *image, error);
+        });
+}
+
+enum sv_status sv_image_decode_channel(const void *bytes, size_t size, const char *extension,
+                                       const char *channel, struct sv_image *image, struct sv_error *error)
+{
+    return sv_image_fenced(
+        error, "decode", [&]() -> enum sv_status {
+            Source source;
+            enum sv_status status = open_source(bytes, size, extension, source, error);
+            if (status != SV_OK)
+                return status;
+            const ImageSpec &spec = source.input->spec();
+            int c = spec.channelindex(channel);
+            if (c < 0)
+                return sv_fail(error, SV_ENOENT, "image", "no channel '%s'", channel);
+            return decode_range(source, c, c + 1, raw_type(spec.channelformat(c)), *image, error);
+        });
+}

@@ -1,0 +1,17 @@
+/* private.h - the parts of core/image among themselves: WebP by libwebp, tags added to a finished TIFF. */
+#ifndef SV_IMAGE_PRIVATE_H
+#define SV_IMAGE_PRIVATE_H
+
+#include "core/image/encode.h"
+
+/* Lossy WebP of a u8 image of 3 or 4 channels, at most 16383 a side. Fresh heap bytes. */
+SV_MUST_CHECK enum sv_status sv_webp_encode(const struct sv_image *image, int quality, void **bytes,
+                                            size_t *size, struct sv_error *error);
+
+/* Rewrites the directory of a classic little-endian TIFF (*bytes, from malloc, of *size bytes; may be moved):
+ * takes the DateTime tag out, so that equal pictures give equal bytes, and adds GeoTIFF tags when geo is not
+ * NULL. Any bytes are legal input: SV_EFORMAT, with *bytes as they were. */
+SV_MUST_CHECK enum sv_status sv_geotiff_finish(void **bytes, size_t *size, const struct sv_geo_tags *geo,
+                                               struct sv_error *error);
+
+#endif
