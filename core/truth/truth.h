@@ -14,7 +14,6 @@ struct sv_truth_options {
     unsigned layers;  /* bit set of 1u << enum sv_layer */
     int samples;      /* 1, 4, 16, 64: positions of sv_camera_sample_offset */
     bool trees;       /* false: terrain only */
-    bool terrain;     /* false: trees only */
     bool shadows;
     bool sky;         /* false: transparent where the sky is */
     int row_first, row_count; /* band of destination rows */

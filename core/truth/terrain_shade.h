@@ -1,0 +1,15 @@
+/* terrain_shade.h - colour and normal of the ground as the terrain's fragment shader computes them: its CPU twin.
+ *
+ * Twin of core/gl/shaders/terrain.frag. Albedo is read bilinearly at level 0 (the truth supersamples instead of using mip
+ * levels), the shading normal bilinearly from the normal texture, the ground's fine detail from core/terrain/detail.h. */
+#ifndef SV_TRUTH_TERRAIN_SHADE_H
+#define SV_TRUTH_TERRAIN_SHADE_H
+
+#include "core/base/vec.h"
+#include "core/terrain/terrain.h"
+
+/* (x, y) world; footprint_m: size of a pixel on the ray there. albedo linear. Outside the terrain: its border. */
+void sv_terrain_shade(const struct sv_terrain *terrain, double x, double y, double footprint_m, float albedo[3],
+                      struct sv_vec3 *normal);
+
+#endif

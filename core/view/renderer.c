@@ -1,0 +1,336 @@
+/* renderer.c - see renderer.h. Draws directly: terrain, sky, trees by OSMesa, or everything by Embree. */
+#include "core/view/renderer.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/color.h"
+#include "core/gl/context.h"
+#include "core/gl/frame.h"
+#include "core/gl/target.h"
+#include "core/terrain/draw.h"
+#include "core/tree/draw.h"
+#include "core/truth/truth.h"
+
+struct sv_renderer {
+    const struct sv_scene *scene;
+    struct sv_gl_context *gl;
+    struct sv_terrain_draw *terrain;
+    struct sv_tree_draw *trees;
+    struct sv_truth *truth;
+    sv_clock_ms clock;
+    struct sv_gl_target *target; /* the last one used: most clients keep their size */
+    int target_width, target_height;
+    unsigned target_layers;
+};
+
+void sv_renderer_destroy(struct sv_renderer *renderer)
+{
+    if (!renderer)
+        return;
+    sv_gl_target_destroy(renderer->target);
+    sv_truth_destroy(renderer->truth);
+    sv_tree_draw_destroy(renderer->trees);
+    sv_terrain_draw_destroy(renderer->terrain);
+    sv_gl_context_destroy(renderer->gl);
+    free(renderer);
+}
+
+static enum sv_status create_trees(struct sv_renderer *r, struct sv_store *store, struct sv_error *error)
+{
+    const struct sv_scene *scene = r->scene;
+    if (scene->forest.count == 0)
+        return SV_OK;
+    struct sv_tree_draw_species *species = calloc((size_t)scene->species_count, sizeof *species);
+    if (!species)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for %d species", scene->species_count);
+    for (int k = 0; k < scene->species_count; k++)
+        species[k] = (struct sv_tree_draw_species){&scene->species[k].mesh, scene->species[k].key,
+                                                   scene->species[k].tree_count};
+    enum sv_status status =
+        sv_tree_draw_create(species, scene->species_count, &scene->forest, store, &r->trees, error);
+    free(species);
+    return status;
+}
+
+enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_renderer_options *options,
+                                  struct sv_renderer **renderer, struct sv_error *error)
+{
+    struct sv_renderer *r = calloc(1, sizeof *r);
+    if (!r)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for a renderer");
+    r->scene = scene;
+    r->clock = options->clock;
+    sv_color_init();
+    enum sv_status status = sv_gl_context_create(&r->gl, error);
+    if (!status)
+        status = sv_terrain_draw_create(&scene->terrain, options->store, &r->terrain, error);
+    if (!status)
+        status = create_trees(r, options->store, error);
+    if (!status && options->truth)
+        status = sv_truth_create(scene, &r->truth, error);
+    if (status) {
+        sv_renderer_destroy(r);
+        return status;
+    }
+    *renderer = r;
+    return SV_OK;
+}
+
+void sv_picture_finish(struct sv_picture *picture)
+{
+    for (int k = 0; k < SV_LAYER_COUNT; k++)
+        sv_image_free(&picture->layer[k]);
+}
+
+static const struct {
+    int channels;
+    enum sv_pixel_type type;
+} layer_form[SV_LAYER_COUNT] = {
+    [SV_LAYER_COLOR] = {4, SV_PIXEL_U8},
+    [SV_LAYER_DEPTH] = {1, SV_PIXEL_F32},
+    [SV_LAYER_NORMAL] = {3, SV_PIXEL_F32},
+    [SV_LAYER_ID] = {1, SV_PIXEL_U32},
+};
+
+static enum sv_status alloc_picture(const struct sv_camera *camera, unsigned layers, struct sv_picture *picture,
+                                    struct sv_error *error)
+{
+    for (int k = 0; k < SV_LAYER_COUNT; k++) {
+        if (!(layers & 1u << k))
+            continue;
+        enum sv_status status = sv_image_alloc(camera->width, camera->height, layer_form[k].channels,
+                                               layer_form[k].type, &picture->layer[k], error);
+        if (status)
+            return status;
+    }
+    return SV_OK;
+}
+
+static double now(const struct sv_renderer *r)
+{
+    return r->clock ? r->clock() : 0;
+}
+
+static void stage(const struct sv_renderer *r, struct sv_timings *timings, enum sv_stage which, double since)
+{
+    if (!timings || !r->clock)
+        return;
+    double ms = now(r) - since;
+    timings->ms[which] = timings->ms[which] < 0 ? ms : timings->ms[which] + ms;
+}
+
+static enum sv_status want_target(struct sv_renderer *r, int width, int height, unsigned layers,
+                                  struct sv_error *error)
+{
+    if (r->target && r->target_width == width && r->target_height == height && r->target_layers == layers)
+        return SV_OK;
+    sv_gl_target_destroy(r->target);
+    r->target = NULL;
+    enum sv_status status = sv_gl_target_create(width, height, layers, &r->target, error);
+    if (status)
+        return status;
+    r->target_width = width;
+    r->target_height = height;
+    r->target_layers = layers;
+    return SV_OK;
+}
+
+/* One pass: everything once, at one sample position, into the renderer's target. */
+static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky, unsigned layers,
+                                double shift_x, double shift_y, struct sv_draw_stats *stats, struct sv_error *error)
+{
+    enum sv_status status = want_target(r, view->camera.width, view->camera.height, layers, error);
+    if (status)
+        return status;
+    struct sv_gl_frame frame;
+    memset(&frame, 0, sizeof frame);
+    frame.camera = view->camera;
+    frame.shift_x_px = shift_x;
+    frame.shift_y_px = shift_y;
+    sv_light_from_sun(&view->sun, &frame.light);
+    frame.light.air = view->air;
+    sv_gl_target_begin(r->target);
+    status = sv_gl_frame_begin(&frame, error);
+    struct sv_terrain_draw_stats terrain = {0};
+    if (!status)
+        status = sv_terrain_draw(r->terrain, &frame, view->plan.terrain_error_px, &terrain, error);
+    /* The sky comes before the trees: their soft edges blend over it. */
+    if (!status && sky && layers & 1u << SV_LAYER_COLOR)
+        status = sv_sky_draw(&frame, error);
+    struct sv_tree_draw_stats trees = {0};
+    if (!status && r->trees && view->plan.draw_trees) {
+        struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
+        options.form = view->plan.trees == SV_TREES_POLYGON ? SV_TREE_FORM_POLYGON : SV_TREE_FORM_AUTO;
+        options.polygon_px = view->plan.polygon_px;
+        options.triangle_budget = view->plan.triangle_budget;
+        status = sv_tree_draw_forest(r->trees, &frame, &options, &trees, error);
+    }
+    if (!status && stats) {
+        stats->terrain_triangles = terrain.triangles;
+        stats->terrain_error_px = terrain.max_error_px;
+        stats->polygon_trees = trees.polygon_trees;
+        stats->impostor_trees = trees.impostor_trees;
+    }
+    return status ? status : sv_gl_check("draw_pass", error);
+}
+
+/* Premultiplied -> straight alpha, in linear light, in place. Fully opaque pixels, the usual case, are left alone. */
+static void straighten(struct sv_image *color)
+{
+    uint8_t *p = color->data;
+    size_t n = (size_t)color->width * (size_t)color->height;
+    for (size_t i = 0; i < n; i++, p += 4) {
+        if (p[3] == 255 || p[3] == 0)
+            continue;
+        float a = (float)p[3] / 255.0f;
+        for (int c = 0; c < 3; c++)
+            p[c] = sv_srgb8_from_linear(sv_linear_from_srgb8[p[c]] / a);
+    }
+}
+
+/* Window depth (reversed) -> metres along forward; 0 is the sky. */
+static void depth_to_metres(const struct sv_camera *camera, struct sv_image *depth)
+{
+    float *d = depth->data;
+    size_t n = (size_t)depth->width * (size_t)depth->height;
+    bool perspective = camera->projection == SV_PROJECTION_PERSPECTIVE;
+    for (size_t i = 0; i < n; i++)
+        d[i] = !(d[i] > 0)   ? INFINITY
+               : perspective ? (float)(camera->near_m / (double)d[i])
+                             : (float)(camera->far_m * (1.0 - (double)d[i]));
+}
+
+static enum sv_status read_layers(struct sv_renderer *r, const struct sv_camera *camera, unsigned layers,
+                                  struct sv_picture *picture, struct sv_error *error)
+{
+    for (int k = 0; k < SV_LAYER_COUNT; k++) {
+        if (!(layers & 1u << k))
+            continue;
+        enum sv_status status = sv_gl_target_read(r->target, (enum sv_layer)k, &picture->layer[k], error);
+        if (status)
+            return status;
+    }
+    if (layers & 1u << SV_LAYER_DEPTH)
+        depth_to_metres(camera, &picture->layer[SV_LAYER_DEPTH]);
+    return SV_OK;
+}
+
+/* Mean of several passes in linear light, at the sample positions that the ray caster uses too. */
+static enum sv_status draw_supersampled(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky,
+                                        struct sv_image *color, struct sv_timings *timings,
+                                        struct sv_draw_stats *stats, struct sv_error *error)
+{
+    size_t n = (size_t)color->width * (size_t)color->height * 4;
+    float *sum = calloc(n, sizeof *sum);
+    if (!sum)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for %zu samples", n);
+    enum sv_status status = SV_OK;
+    int samples = view->plan.samples;
+    for (int k = 0; k < samples && !status; k++) {
+        double dx, dy, since = now(r);
+        sv_camera_sample_offset(samples, k, &dx, &dy);
+        status = draw_pass(r, view, sky, 1u << SV_LAYER_COLOR, dx, dy, stats, error);
+        if (!status)
+            status = sv_gl_target_read(r->target, SV_LAYER_COLOR, color, error);
+        stage(r, timings, SV_STAGE_NEAR, since);
+        since = now(r);
+        const uint8_t *p = color->data;
+        for (size_t i = 0; i < n && !status; i += 4) {
+            for (int c = 0; c < 3; c++)
+                sum[i + (size_t)c] += sv_linear_from_srgb8[p[i + (size_t)c]];
+            sum[i + 3] += (float)p[i + 3];
+        }
+        stage(r, timings, SV_STAGE_COMPOSITE, since);
+    }
+    double since = now(r);
+    uint8_t *p = color->data;
+    float scale = 1.0f / (float)samples;
+    for (size_t i = 0; i < n && !status; i += 4) {
+        for (int c = 0; c < 3; c++)
+            p[i + (size_t)c] = sv_srgb8_from_linear(sum[i + (size_t)c] * scale);
+        p[i + 3] = (uint8_t)lrintf(sum[i + 3] * scale);
+    }
+    free(sum);
+    stage(r, timings, SV_STAGE_COMPOSITE, since);
+    return status;
+}
+
+static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_request *request,
+                                  const struct sv_resolved_view *view, struct sv_picture *picture,
+                                  struct sv_timings *timings, struct sv_draw_stats *stats, struct sv_error *error)
+{
+    unsigned layers = request->layers;
+    if (view->plan.samples > 1 && layers & 1u << SV_LAYER_COLOR) {
+        enum sv_status status = draw_supersampled(r, view, request->sky, &picture->layer[SV_LAYER_COLOR], timings,
+                                                  stats, error);
+        if (status)
+            return status;
+        layers &= ~(1u << SV_LAYER_COLOR);
+    }
+    double since = now(r);
+    enum sv_status status = SV_OK;
+    if (layers) { /* depth, normal and id are never averaged: the pixel's centre decides */
+        status = draw_pass(r, view, request->sky, layers, 0, 0, stats, error);
+        if (!status)
+            status = read_layers(r, &view->camera, layers, picture, error);
+        stage(r, timings, SV_STAGE_NEAR, since);
+    }
+    since = now(r);
+    if (!status && !request->sky && picture->layer[SV_LAYER_COLOR].data)
+        straighten(&picture->layer[SV_LAYER_COLOR]);
+    stage(r, timings, SV_STAGE_COMPOSITE, since);
+    return status;
+}
+
+static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_request *request,
+                                   const struct sv_resolved_view *view, struct sv_picture *picture,
+                                   struct sv_timings *timings, struct sv_error *error)
+{
+    double since = now(r);
+    if (!r->truth) {
+        enum sv_status status = sv_truth_create(r->scene, &r->truth, error);
+        if (status)
+            return status;
+    }
+    struct sv_light light;
+    sv_light_from_sun(&view->sun, &light);
+    light.air = view->air;
+    struct sv_truth_options options = {.layers = request->layers,
+                                       .samples = view->plan.samples,
+                                       .trees = view->plan.draw_trees,
+                                       .shadows = view->plan.shadows,
+                                       .sky = request->sky,
+                                       .row_first = 0,
+                                       .row_count = view->camera.height};
+    struct sv_truth_picture out = {picture->layer[SV_LAYER_COLOR], picture->layer[SV_LAYER_DEPTH],
+                                   picture->layer[SV_LAYER_NORMAL], picture->layer[SV_LAYER_ID]};
+    enum sv_status status = sv_truth_render(r->truth, &view->camera, &light, &options, &out, error);
+    stage(r, timings, SV_STAGE_NEAR, since);
+    return status;
+}
+
+enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_view_request *request,
+                                const struct sv_resolved_view *view, struct sv_picture *out,
+                                struct sv_timings *timings, struct sv_draw_stats *stats, struct sv_error *error)
+{
+    struct sv_picture picture = {0};
+    struct sv_draw_stats own = {0};
+    enum sv_status status = alloc_picture(&view->camera, request->layers, &picture, error);
+    if (!status)
+        status = view->plan.raycast
+                     ? draw_raycast(renderer, request, view, &picture, timings, error)
+                     : draw_raster(renderer, request, view, &picture, timings, stats ? stats : &own, error);
+    if (status) {
+        sv_picture_finish(&picture);
+        return status;
+    }
+    *out = picture;
+    return SV_OK;
+}
+
+const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer)
+{
+    return renderer->trees;
+}

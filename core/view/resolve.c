@@ -1,0 +1,240 @@
+/* resolve.c - see resolve.h. Everything is formed in double in the scene's CRS; nothing here draws. */
+#include "core/view/resolve.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/base/frames.h"
+
+/* An eye farther than this from the scene's centre is a mistake in coordinates, not a view. */
+static const double eye_distance_max_m = 1e7;
+/* An eye this little under the surface is rounding of agl=0, not a mole. */
+static const double underground_slack_m = 1e-6;
+static const double near_m = 0.1;
+
+struct place {
+    struct sv_vec3 at;
+    bool has_ground;
+    double ground_z;
+};
+
+/* Horizontal place in the scene's CRS. */
+static enum sv_status place_xy(const struct sv_scene *scene, const struct sv_view_request *request,
+                               const struct sv_place *place, const char *name, double *x, double *y,
+                               struct sv_error *error)
+{
+    *x = place->x;
+    *y = place->y;
+    if (place->form == SV_PLACE_LONLAT) {
+        if (!sv_crs_from_lonlat(scene->crs, place->x, place->y, x, y))
+            return sv_fail(error, SV_EINVAL, name,
+                           sv_crs_is_local(scene->crs)
+                               ? "lon %.10g, lat %.10g: the scene has no place on Earth (its CRS is local)"
+                               : "lon %.10g, lat %.10g cannot be projected to the scene's CRS",
+                           place->x, place->y);
+        return SV_OK;
+    }
+    if (request->crs_epsg == 0)
+        return SV_OK;
+    char text[32];
+    snprintf(text, sizeof text, "EPSG:%d", request->crs_epsg);
+    struct sv_crs *from = NULL;
+    struct sv_crs_transform *transform = NULL;
+    enum sv_status status = sv_crs_create(text, &from, error);
+    if (!status)
+        status = sv_crs_transform_create(from, scene->crs, &transform, error);
+    if (status && error)
+        snprintf(error->field, sizeof error->field, "crs");
+    if (!status && !sv_crs_transform_apply(transform, x, y))
+        status = sv_fail(error, SV_EINVAL, name, "%.10g, %.10g in %s cannot be transformed to the scene's CRS",
+                         place->x, place->y, text);
+    sv_crs_transform_destroy(transform);
+    sv_crs_destroy(from);
+    return status == SV_EUNSUPPORTED || status == SV_ENOENT ? SV_EINVAL : status;
+}
+
+static enum sv_status place_resolve(const struct sv_scene *scene, const struct sv_view_request *request,
+                                    const struct sv_place *place, const char *name, struct place *out,
+                                    struct sv_error *error)
+{
+    double x, y;
+    enum sv_status status = place_xy(scene, request, place, name, &x, &y, error);
+    if (status)
+        return status;
+    const struct sv_heightfield *field = &scene->terrain.field;
+    struct sv_vec3 centre = sv_vec3((field->x0 + sv_heightfield_x1(field)) / 2,
+                                    (field->y0 + sv_heightfield_y1(field)) / 2, field->z0);
+    double z = place->has_z ? place->z : field->z0;
+    if (!(sv_length(sv_sub(sv_vec3(x, y, z), centre)) <= eye_distance_max_m))
+        return sv_fail(error, SV_EOUTSIDE, name, "%.10g, %.10g, %.10g is more than %.0f km from the scene", x, y, z,
+                       eye_distance_max_m / 1000);
+    out->has_ground = sv_heightfield_height(field, x, y, &out->ground_z);
+    if (!place->has_z) {
+        if (!out->has_ground)
+            return sv_fail(error, SV_EOUTSIDE, name,
+                           "%.10g, %.10g is outside the terrain (x %.10g .. %.10g, y %.10g .. %.10g in %s): a height "
+                           "above ground has no meaning there; give z",
+                           x, y, field->x0, sv_heightfield_x1(field), field->y0, sv_heightfield_y1(field),
+                           sv_crs_name(scene->crs));
+        z = out->ground_z + place->agl;
+    }
+    out->at = sv_vec3(x, y, z);
+    return SV_OK;
+}
+
+/* Heading and pitch from a to b; false when they coincide. A vertical line of sight keeps heading 0: north up. */
+static bool heading_pitch(struct sv_vec3 a, struct sv_vec3 b, double *heading, double *pitch)
+{
+    struct sv_vec3 d = sv_sub(b, a);
+    double horizontal = hypot(d.x, d.y);
+    if (!(sv_length(d) > 1e-6))
+        return false;
+    *heading = horizontal > 1e-9 * fabs(d.z) ? atan2(d.x, d.y) : 0;
+    if (*heading < 0)
+        *heading += 2 * SV_PI;
+    *pitch = atan2(d.z, horizontal);
+    return true;
+}
+
+static enum sv_status resolve_eye(const struct sv_scene *scene, const struct sv_view_request *request,
+                                  struct sv_resolved_view *view, double *ground_z, struct sv_error *error)
+{
+    struct place eye = {0}, target = {0};
+    enum sv_status status;
+    view->has_target = request->target.form != SV_PLACE_NONE;
+    if (view->has_target) {
+        status = place_resolve(scene, request, &request->target, "target", &target, error);
+        if (status)
+            return status;
+        view->target = target.at;
+    }
+    struct sv_vec3 at = target.at;
+    if (request->eye.form != SV_PLACE_NONE) {
+        status = place_resolve(scene, request, &request->eye, "eye", &eye, error);
+        if (status)
+            return status;
+        at = eye.at;
+    }
+    view->convergence_rad = sv_crs_convergence_rad(scene->crs, at.x, at.y);
+    double north = request->north_true ? view->convergence_rad : 0;
+    view->heading_rad = request->heading_rad + north;
+    view->pitch_rad = request->pitch_rad;
+    view->roll_rad = request->roll_rad;
+    if (request->eye.form == SV_PLACE_NONE) {
+        at = sv_madd(target.at, sv_direction(view->heading_rad, view->pitch_rad), -request->range_m);
+        eye.has_ground = sv_heightfield_height(&scene->terrain.field, at.x, at.y, &eye.ground_z);
+    } else if (view->has_target && !heading_pitch(at, target.at, &view->heading_rad, &view->pitch_rad)) {
+        return sv_fail(error, SV_EINVAL, "target", "the target is where the eye is (%.10g, %.10g, %.10g)", at.x, at.y,
+                       at.z);
+    }
+    view->heading_rad -= 2 * SV_PI * floor(view->heading_rad / (2 * SV_PI));
+    view->camera.eye = at;
+    view->ground_z = eye.has_ground ? eye.ground_z : NAN;
+    if (eye.has_ground && at.z < eye.ground_z - underground_slack_m) {
+        if (ground_z)
+            *ground_z = eye.ground_z;
+        return sv_fail(error, SV_EUNDERGROUND, "z", "the eye at z = %.3f m is under the ground, which is at %.3f m",
+                       at.z, eye.ground_z);
+    }
+    return SV_OK;
+}
+
+static void resolve_sun(const struct sv_scene *scene, const struct sv_view_request *request,
+                        struct sv_resolved_view *view, struct sv_error *error, enum sv_status *status)
+{
+    const struct sv_heightfield *field = &scene->terrain.field;
+    double cx = (field->x0 + sv_heightfield_x1(field)) / 2, cy = (field->y0 + sv_heightfield_y1(field)) / 2;
+    double convergence = sv_crs_convergence_rad(scene->crs, cx, cy);
+    view->sun = scene->sun;
+    *status = SV_OK;
+    if (request->has_time) {
+        double lon, lat;
+        if (!sv_crs_to_lonlat(scene->crs, cx, cy, &lon, &lat)) {
+            *status = sv_fail(error, SV_EINVAL, "time",
+                              "the scene has no place on Earth (its CRS is local): give sun_azimuth and sun_elevation");
+            return;
+        }
+        sv_sun_position(request->time_unix_s, lon, lat, &view->sun.azimuth_rad, &view->sun.elevation_rad);
+        view->sun.azimuth_rad += convergence;
+    }
+    if (request->has_sun_azimuth)
+        view->sun.azimuth_rad = request->sun_azimuth_rad + (request->north_true ? convergence : 0);
+    if (request->has_sun_elevation)
+        view->sun.elevation_rad = request->sun_elevation_rad;
+    view->sun.azimuth_rad -= 2 * SV_PI * floor(view->sun.azimuth_rad / (2 * SV_PI));
+}
+
+/* How much a quality may cost: the screen-space error of the ground, and what trees may be polygons. */
+static const struct {
+    double terrain_error_px, polygon_px;
+    uint32_t triangle_budget;
+} quality_table[SV_QUALITY_COUNT] = {
+    [SV_QUALITY_FAST] = {2.0, 320, 150000},
+    [SV_QUALITY_BALANCED] = {1.0, 160, 600000},
+    [SV_QUALITY_HIGH] = {0.5, 96, 4000000},
+    [SV_QUALITY_REFERENCE] = {0.0, 0, UINT32_MAX},
+};
+
+static enum sv_status resolve_plan(const struct sv_view_request *request, struct sv_plan *plan,
+                                   struct sv_error *error)
+{
+    if (request->trees != SV_TREES_AUTO && request->trees != SV_TREES_RAYCAST && request->trees != SV_TREES_POLYGON &&
+        request->trees != SV_TREES_NONE)
+        return sv_fail(error, SV_EUNSUPPORTED, "trees", "trees=%s is not built yet", sv_trees_name(request->trees));
+    bool reference = request->quality == SV_QUALITY_REFERENCE;
+    plan->raycast = reference || request->trees == SV_TREES_RAYCAST;
+    plan->draw_trees = request->trees != SV_TREES_NONE;
+    plan->shadows = request->has_shadows && request->shadows;
+    if (plan->shadows && !plan->raycast)
+        return sv_fail(error, SV_EUNSUPPORTED, "shadows",
+                       "shadows=on is built for quality=reference and trees=raycast only");
+    plan->samples = request->samples ? request->samples : reference ? 16 : 1;
+    plan->terrain_error_px = quality_table[request->quality].terrain_error_px;
+    plan->polygon_px = quality_table[request->quality].polygon_px;
+    plan->triangle_budget = quality_table[request->quality].triangle_budget;
+    plan->trees = plan->raycast && plan->draw_trees ? SV_TREES_RAYCAST : request->trees;
+    return SV_OK;
+}
+
+/* Far plane of an orthographic view: past every corner of the scene's box. */
+static double ortho_far(const struct sv_scene *scene, const struct sv_camera *camera)
+{
+    const struct sv_heightfield *f = &scene->terrain.field;
+    double far = 1;
+    for (int k = 0; k < 8; k++) {
+        struct sv_vec3 corner = sv_vec3(k & 1 ? sv_heightfield_x1(f) : f->x0, k & 2 ? sv_heightfield_y1(f) : f->y0,
+                                        k & 4 ? f->z0 + f->h_max + 160 : f->z0 + f->h_min - 10);
+        double z = sv_dot(sv_sub(corner, camera->eye), camera->forward);
+        far = fmax(far, z);
+    }
+    return far * 1.01 + 200; /* trees at the border stand out of the box by a crown */
+}
+
+enum sv_status sv_view_resolve(const struct sv_scene *scene, const struct sv_view_request *request,
+                               struct sv_resolved_view *out, double *ground_z, struct sv_error *error)
+{
+    struct sv_resolved_view view;
+    memset(&view, 0, sizeof view); /* padding too: the struct is hashed and sent as bytes */
+    enum sv_status status = resolve_plan(request, &view.plan, error);
+    if (!status)
+        status = resolve_eye(scene, request, &view, ground_z, error);
+    if (!status)
+        resolve_sun(scene, request, &view, error, &status);
+    if (status)
+        return status;
+    struct sv_camera *camera = &view.camera;
+    camera->projection = request->projection;
+    camera->vfov_rad = request->vfov_rad;
+    camera->ortho_height_m = request->ortho_height_m;
+    camera->width = request->width;
+    camera->height = request->height;
+    camera->near_m = near_m;
+    sv_camera_aim(camera, view.heading_rad, view.pitch_rad, view.roll_rad);
+    if (camera->projection == SV_PROJECTION_ORTHOGRAPHIC)
+        camera->far_m = ortho_far(scene, camera);
+    view.has_lonlat = sv_crs_to_lonlat(scene->crs, camera->eye.x, camera->eye.y, &view.lon_deg, &view.lat_deg);
+    view.air = request->air;
+    *out = view;
+    return SV_OK;
+}

@@ -1,0 +1,20 @@
+#!/bin/sh
+# Sets everything up and serves: installs missing Debian packages, builds Release, starts the daemon on the demo scene,
+# prints the URL and a first curl. Arguments go to silvistad: deploy/run.sh --scene my/scene.json --listen 127.0.0.1:9000
+set -eu
+here=$(cd "$(dirname "$0")/.." && pwd)
+"$here/deploy/install-packages.sh"
+build=${SILVISTA_BUILD:-$here/build}
+cmake -S "$here" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSV_TESTS=OFF >"$here/build.log" 2>&1 ||
+    { cat "$here/build.log" >&2; exit 1; }
+ninja -C "$build" >"$here/build.log" 2>&1 || { tail -n 40 "$here/build.log" >&2; exit 1; }
+rm -f "$here/build.log"
+
+scene=$here/deploy/demo/scene.json
+for argument in "$@"; do
+    case $argument in
+    --scene | --scene=* | --render | --render=* | --help | --version | --check-config) scene= ;;
+    esac
+done
+[ -n "$scene" ] && set -- --scene "$scene" "$@"
+exec "$build/server/silvistad" "$@"
