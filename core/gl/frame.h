@@ -1,6 +1,7 @@
 /* frame.h - what every drawing module needs to know of the view being drawn: one struct, one uniform block.
  *
- * The GLSL side is core/gl/shaders/frame.glsl (included by every shader), std140 block `frame` at binding 0. */
+ * The GLSL side is core/gl/shaders/frame.glsl (included by every shader), std140 block `frame` at binding 0.
+ */
 #ifndef SV_GL_FRAME_H
 #define SV_GL_FRAME_H
 

@@ -1,8 +1,9 @@
 /* target.h - the framebuffer that a view is drawn into: colour, id, normal, depth, and reading them back.
  *
- * Colour SRGB8_ALPHA8 with GL_FRAMEBUFFER_SRGB on (shaders write linear light, premultiplied alpha); id R32UI; normal RGBA16F (xyz world,
- * w unused); depth 32-bit float, reversed, cleared to 0 (infinity). Fragment outputs: location 0 vec4 color, 1 uint id,
- * 2 vec4 normal; those that a target lacks are simply not attached. */
+ * Colour SRGB8_ALPHA8 with GL_FRAMEBUFFER_SRGB on (shaders write linear light, premultiplied alpha); id
+ * R32UI; normal RGBA16F (xyz world, w unused); depth 32-bit float, reversed, cleared to 0 (infinity).
+ * Fragment outputs: location 0 vec4 color, 1 uint id, 2 vec4 normal; those that a target lacks are simply not
+ * attached. */
 #ifndef SV_GL_TARGET_H
 #define SV_GL_TARGET_H
 
@@ -13,14 +14,14 @@
 struct sv_gl_target;
 
 /* layers: bit set of 1u << enum sv_layer. Depth is always there. */
-SV_MUST_CHECK enum sv_status sv_gl_target_create(int width, int height, unsigned layers, struct sv_gl_target **target,
-                                                 struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_gl_target_create(int width, int height, unsigned layers,
+                                                 struct sv_gl_target **target, struct sv_error *error);
 void sv_gl_target_destroy(struct sv_gl_target *target);
 /* Binds, sets viewport and draw buffers, clears: colour (0,0,0,0), id 0, normal 0, depth 0. */
 void sv_gl_target_begin(struct sv_gl_target *target);
-/* Reads one layer; row 0 at the top. COLOR: RGBA u8 (sRGB, premultiplied). DEPTH: the raw window depth, f32 (1 channel). NORMAL: f32 x 3.
- * ID: u32 x 1. Image sizes and types must match (caller allocated). */
-SV_MUST_CHECK enum sv_status sv_gl_target_read(struct sv_gl_target *target, enum sv_layer layer, struct sv_image *out,
-                                               struct sv_error *error);
+/* Reads one layer; row 0 at the top. COLOR: RGBA u8 (sRGB, premultiplied). DEPTH: the raw window depth, f32
+ * (1 channel). NORMAL: f32 x 3. ID: u32 x 1. Image sizes and types must match (caller allocated). */
+SV_MUST_CHECK enum sv_status sv_gl_target_read(struct sv_gl_target *target, enum sv_layer layer,
+                                               struct sv_image *out, struct sv_error *error);
 
 #endif

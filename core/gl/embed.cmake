@@ -1,0 +1,16 @@
+# Writes OUT, a C file with the bytes of every file of FILES (a list with | between), for program.c.
+string(REPLACE "|" ";" FILES "${FILES}")
+set(arrays "")
+set(rows "")
+set(n 0)
+foreach(file ${FILES})
+  get_filename_component(name ${file} NAME)
+  file(READ ${file} hex HEX)
+  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
+  string(REGEX REPLACE "(0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,0x..,)" "\\1\n" bytes "${bytes}")
+  string(APPEND arrays "static const char file_${n}[] = {\n${bytes}0};\n")
+  string(APPEND rows "    {\"${name}\", file_${n}},\n")
+  math(EXPR n "${n} + 1")
+endforeach()
+file(WRITE ${OUT}
+     "#include \"core/gl/embedded.h\"\n\n${arrays}\nconst struct sv_gl_embedded sv_gl_embedded[] = {\n${rows}    {0, 0},\n};\n")
