@@ -11,6 +11,10 @@
 #include "core/base/error.h"
 #include "core/base/vec.h"
 
+/* Legal tree heights; what data say beyond them is taken as missing. */
+#define SV_TREE_HEIGHT_MIN_M 0.05
+#define SV_TREE_HEIGHT_MAX_M 150.0
+
 enum { SV_FOREST_LEAF = 32, SV_FOREST_TREES_MAX = 4 << 20 };
 
 struct sv_tree {
