@@ -134,6 +134,8 @@ SV_MUST_CHECK enum sv_status sv_polygons_read(const char *path, const struct sv_
                                               struct sv_polygons **polygons, struct sv_error *error);
 void sv_polygons_destroy(struct sv_polygons *polygons);
 bool sv_polygons_contain(const struct sv_polygons *polygons, double x, double y);
+/* The box that holds them all, scene CRS; false (nothing written) when there is no polygon. */
+bool sv_polygons_bounds(const struct sv_polygons *polygons, double min[2], double max[2]);
 
 /* ---- the sun (sun.c) ---- */
 
