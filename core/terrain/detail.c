@@ -1,0 +1,233 @@
+/* detail.c - makes the tile of ground detail and applies it; the sampling half is the twin of detail.glsl.
+ *
+ * The tile: periodic gradient noise (Perlin 2002) summed over octaves for tufts, hue and grit; blades are a
+ * few thousand short strokes painted over each other. Each channel is high-pass filtered by leaving out the
+ * lowest octaves, then scaled to a given deviation about 128. Own design. */
+#include "core/terrain/detail.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/rng.h"
+#include "core/base/vec.h"
+
+enum { SIDE = SV_TERRAIN_DETAIL_SIDE, LEVELS = SV_TERRAIN_DETAIL_LEVELS, BLADES = 16000 };
+
+static uint8_t *levels[LEVELS];
+
+/* ---- making ---- */
+
+static double lattice_gradient(uint64_t seed, int i, int j, int period, double fx, double fy)
+{
+    static const double directions[8][2] = {{1, 0},  {0.7071, 0.7071},   {0, 1},  {-0.7071, 0.7071},
+                                            {-1, 0}, {-0.7071, -0.7071}, {0, -1}, {0.7071, -0.7071}};
+    uint64_t h = sv_mix64(seed ^ sv_mix64((uint64_t)((i % period) * 4096 + j % period) + 1));
+    const double *d = directions[h >> 61];
+    return d[0] * fx + d[1] * fy;
+}
+
+static double fade(double t)
+{
+    return t * t * t * (t * (t * 6 - 15) + 10);
+}
+
+/* Gradient noise with the given number of lattice cells a tile side, about -0.7 .. 0.7. */
+static double noise(uint64_t seed, double u, double v, int period)
+{
+    double x = u * period, y = v * period;
+    int i = (int)x, j = (int)y;
+    double fx = x - i, fy = y - j, sx = fade(fx), sy = fade(fy);
+    double a = lattice_gradient(seed, i, j, period, fx, fy),
+           b = lattice_gradient(seed, i + 1, j, period, fx - 1, fy);
+    double c = lattice_gradient(seed, i, j + 1, period, fx, fy - 1);
+    double d = lattice_gradient(seed, i + 1, j + 1, period, fx - 1, fy - 1);
+    return a + (b - a) * sx + (c - a) * sy + (a - b - c + d) * sx * sy;
+}
+
+struct noise_sum {
+    uint64_t seed;
+    int first_period, octaves;
+    double gain;
+};
+
+static void fill_noise(float *out, const struct noise_sum *sum)
+{
+    for (int j = 0; j < SIDE; j++)
+        for (int i = 0; i < SIDE; i++) {
+            double v = 0, amplitude = 1;
+            for (int k = 0; k < sum->octaves; k++, amplitude *= sum->gain)
+                v += amplitude * noise(sum->seed + (uint64_t)k, (i + 0.5) / SIDE, (j + 0.5) / SIDE,
+                                       sum->first_period << k);
+            out[j * SIDE + i] = (float)v;
+        }
+}
+
+/* One stroke: from a dark root to a light tip, two texels wide, wrapping at the tile's borders. */
+static void paint_blade(float *out, struct sv_rng *rng)
+{
+    double x = sv_rng_range(rng, 0, SIDE), y = sv_rng_range(rng, 0, SIDE), length = sv_rng_range(rng, 10, 30);
+    double angle = sv_rng_range(rng, 0, 2 * SV_PI), bend = sv_rng_range(rng, -0.04, 0.04);
+    double tone = sv_rng_range(rng, 0.35, 1.0);
+    for (int k = 0; k < (int)(2 * length); k++) {
+        double t = k / (2 * length), value = tone * (0.35 + 0.65 * t);
+        int i = (int)x & (SIDE - 1), j = (int)y & (SIDE - 1);
+        out[j * SIDE + i] = (float)value;
+        if (t < 0.6)
+            out[j * SIDE + ((i + 1) & (SIDE - 1))] = (float)(value * 0.8);
+        x += 0.5 * cos(angle) + SIDE;
+        y += 0.5 * sin(angle) + SIDE;
+        angle += bend;
+    }
+}
+
+static void fill_blades(float *out)
+{
+    struct sv_rng rng = sv_rng_seeded(20010, 7);
+    fill_noise(out, &(struct noise_sum){11, 64, 3, 0.7});
+    for (int k = 0; k < SIDE * SIDE; k++)
+        out[k] = 0.15f + 0.15f * out[k];
+    for (int k = 0; k < BLADES; k++)
+        paint_blade(out, &rng);
+}
+
+/* Writes one channel with mean 128 and the given standard deviation (in units of 128). */
+static void quantize(const float *values, double deviation, int channel)
+{
+    double sum = 0, squares = 0, n = (double)SIDE * SIDE;
+    for (int k = 0; k < SIDE * SIDE; k++)
+        sum += (double)values[k];
+    double mean = sum / n;
+    for (int k = 0; k < SIDE * SIDE; k++)
+        squares += ((double)values[k] - mean) * ((double)values[k] - mean);
+    double scale = 128 * deviation / sqrt(squares / n);
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        double v = 128 + scale * ((double)values[k] - mean);
+        levels[0][4 * k + channel] = (uint8_t)sv_clamp(v + 0.5, 0, 255);
+    }
+}
+
+/* The next mip level by 2 x 2 averages, rounded to nearest. */
+static void halve(const uint8_t *from, uint8_t *to, int side)
+{
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++)
+            for (int c = 0; c < 4; c++) {
+                const uint8_t *p = from + 4 * ((size_t)2 * j * 2 * side + 2 * i) + c;
+                to[4 * (j * side + i) + c] = (uint8_t)((p[0] + p[4] + p[8 * side] + p[8 * side + 4] + 2) / 4);
+            }
+}
+
+enum sv_status sv_terrain_detail_init(struct sv_error *error)
+{
+    if (levels[0])
+        return SV_OK;
+    size_t total = 0, offset = 0;
+    for (int l = 0; l < LEVELS; l++)
+        total += (size_t)4 * (SIDE >> l) * (SIDE >> l);
+    float *values = malloc((size_t)SIDE * SIDE * sizeof *values);
+    uint8_t *block = malloc(total);
+    if (!values || !block) {
+        free(values);
+        free(block);
+        return sv_fail(error, SV_ENOMEM, "terrain", "no memory for the ground's detail");
+    }
+    for (int l = 0; l < LEVELS; l++) {
+        levels[l] = block + offset;
+        offset += (size_t)4 * (SIDE >> l) * (SIDE >> l);
+    }
+    fill_blades(values);
+    quantize(values, 0.34, 0);
+    fill_noise(values, &(struct noise_sum){23, 10, 6, 0.72});
+    quantize(values, 0.20, 1);
+    fill_noise(values, &(struct noise_sum){37, 12, 4, 0.6});
+    quantize(values, 0.30, 2);
+    fill_noise(values, &(struct noise_sum){51, 24, 5, 0.85});
+    quantize(values, 0.18, 3);
+    free(values);
+    for (int l = 1; l < LEVELS; l++)
+        halve(levels[l - 1], levels[l], SIDE >> l);
+    return SV_OK;
+}
+
+const uint8_t *sv_terrain_detail_level(int level)
+{
+    return levels[level];
+}
+
+/* ---- sampling: twin of detail.glsl ---- */
+
+static double fraction(double v)
+{
+    return v - floor(v);
+}
+
+void sv_terrain_detail_place(double x, double y, double uv[4])
+{
+    double rx = SV_TERRAIN_DETAIL_COS * x - SV_TERRAIN_DETAIL_SIN * y;
+    double ry = SV_TERRAIN_DETAIL_SIN * x + SV_TERRAIN_DETAIL_COS * y;
+    uv[0] = fraction(x / SV_TERRAIN_DETAIL_COARSE_M);
+    uv[1] = fraction(y / SV_TERRAIN_DETAIL_COARSE_M);
+    uv[2] = fraction(rx / SV_TERRAIN_DETAIL_FINE_M);
+    uv[3] = fraction(ry / SV_TERRAIN_DETAIL_FINE_M);
+}
+
+/* GL's bilinear filter with GL_REPEAT at one level, in units where 128 is 1. */
+static void sample_level(double u, double v, int level, float out[4])
+{
+    int side = SIDE >> level, mask = side - 1;
+    double x = u * side - 0.5, y = v * side - 0.5;
+    int i = (int)floor(x), j = (int)floor(y);
+    float fx = (float)(x - i), fy = (float)(y - j);
+    const uint8_t *low = levels[level] + 4 * (size_t)(j & mask) * (size_t)side;
+    const uint8_t *high = levels[level] + 4 * (size_t)((j + 1) & mask) * (size_t)side;
+    const uint8_t *a = low + 4 * (i & mask), *b = low + 4 * ((i + 1) & mask);
+    const uint8_t *c = high + 4 * (i & mask), *d = high + 4 * ((i + 1) & mask);
+    for (int k = 0; k < 4; k++) {
+        float bottom = a[k] + (float)(b[k] - a[k]) * fx, top = c[k] + (float)(d[k] - c[k]) * fx;
+        out[k] = (bottom + (top - bottom) * fy) * (1.0f / 128.0f) - 1.0f;
+    }
+}
+
+/* textureLod with trilinear filtering; values about 0. */
+static void sample_tile(double u, double v, double lod, float out[4])
+{
+    float high[4];
+    lod = sv_clamp(lod, 0, LEVELS - 1);
+    int level = (int)lod < LEVELS - 1 ? (int)lod : LEVELS - 2;
+    float t = (float)(lod - level);
+    sample_level(u, v, level, out);
+    sample_level(u, v, level + 1, high);
+    for (int k = 0; k < 4; k++)
+        out[k] += (high[k] - out[k]) * t;
+}
+
+static float step_between(float lo, float hi, float v)
+{
+    float t = (float)sv_clamp((double)((v - lo) / (hi - lo)), 0, 1);
+    return t * t * (3 - 2 * t);
+}
+
+void sv_terrain_detail_apply(double x, double y, double pixel_m, double n_dot_v, double texel_m,
+                             float albedo[3])
+{
+    double footprint = pixel_m / sqrt(sv_clamp(n_dot_v, 0.04, 1)), uv[4];
+    float luminance = 0.3f * albedo[0] + 0.6f * albedo[1] + 0.1f * albedo[2];
+    float strength = step_between(1, 6, (float)(texel_m / pixel_m));
+    strength *= 1 - step_between(0, 0.02f, albedo[2] - albedo[1]); /* not on water */
+    strength *= 1 - 0.75f * step_between(0.35f, 0.6f, luminance);  /* little on snow */
+    float veg = step_between(0, 0.03f, albedo[1] - albedo[0]); /* blades where it is green, grit elsewhere */
+    float coarse = strength * (float)fmin(1, texel_m * 10 / SV_TERRAIN_DETAIL_COARSE_M);
+    float fine = strength * (float)fmin(1, texel_m * 10 / SV_TERRAIN_DETAIL_FINE_M);
+    if (!(strength > 0))
+        return;
+    float c[4], f[4];
+    sv_terrain_detail_place(x, y, uv);
+    sample_tile(uv[0], uv[1], log2(footprint * (SIDE / SV_TERRAIN_DETAIL_COARSE_M)), c);
+    sample_tile(uv[2], uv[3], log2(footprint * (SIDE / SV_TERRAIN_DETAIL_FINE_M)), f);
+    float level = (1 + coarse * c[1]) * (1 + fine * (f[3] + (f[0] - f[3]) * veg));
+    float hue = 0.35f * coarse * c[2];
+    albedo[0] *= level * (1 + hue);
+    albedo[1] *= level;
+    albedo[2] *= level * (1 - hue);
+}
