@@ -1,4 +1,4 @@
-/* decode.cpp - bytes of a picture to pixels, by OpenImageIO out of memory.
+/* decode.cpp - bytes of a picture to pixels, by OpenImageIO out of memory (WebP by libwebp: see webp.c).
  *
  * The format is told by the bytes themselves, by the extension only where there is no magic (TGA), and only
  * formats of the table are tried: OpenImageIO would otherwise offer unknown bytes to every reader it has,
@@ -44,6 +44,7 @@ const Reader readers[] = {
     {"gif", "GIF8", 4, 0, " gif "},
     {"psd", "8BPS", 4, 0, " psd "},
     {"hdr", "#?RADIANCE", 10, 0, " hdr "},
+    {"hdr", "#?RGBE", 6, 0, " "},
     {"pnm", "P6", 2, 0, " ppm pnm "},
     {"pnm", "P5", 2, 0, " pgm "},
     {"targa", nullptr, 0, 0, " tga tpic "},
@@ -106,7 +107,7 @@ class MemoryFile
     int fd_;
 };
 
-/* An open picture; members die in the right order. */
+/* An open picture; members die in the right order. A webp is known, but has no input. */
 struct Source {
     std::unique_ptr<MemoryFile> file;
     std::unique_ptr<Filesystem::IOMemReader> memory;
@@ -122,6 +123,8 @@ enum sv_status open_source(const void *bytes, size_t size, const char *extension
         return sv_fail(error, SV_EFORMAT, "image", "%zu bytes of no known picture format%s%s", size,
                        extension ? ", extension " : "", extension ? extension : "");
     source.plugin = reader->plugin;
+    if (source.plugin == "webp")
+        return SV_OK;
     source.input = ImageInput::create(reader->plugin);
     if (!source.input)
         return sv_fail(error, SV_EUNSUPPORTED, "image", "OpenImageIO has no reader for %s", reader->plugin);
@@ -213,121 +216,134 @@ Channels color_channels(const ImageSpec &spec)
     return c;
 }
 
-/* Samples of one picture as linear light (decoded from sRGB unless float) and alpha, straight. */
-class Texels
-{
-  public:
-    Texels(const void *data, enum sv_pixel_type type, const Channels &channels, bool premultiplied)
-        : data_(data), type_(type), channels_(channels), premultiplied_(premultiplied)
-    {
-    }
-    void linear(size_t pixel, float rgba[4]) const
-    {
-        rgba[3] = channels_.alpha < 0 ? 1.0f : unit(sample(pixel, channels_.alpha));
-        for (int k = 0; k < 3; k++) {
-            float v = sample(pixel, channels_.color[k]);
-            if (type_ == SV_PIXEL_F32)
-                v = premultiplied_ && rgba[3] > 0 ? v / rgba[3] : v;
-            else
-                v = type_ == SV_PIXEL_U8 ? sv_linear_from_srgb8[u8(pixel, channels_.color[k])]
-                                         : sv_linear_from_srgb(v);
-            rgba[k] = v > 0 ? v : 0;
-        }
-    }
-    void srgb8(size_t pixel, unsigned char rgba[4]) const
-    {
-        if (type_ == SV_PIXEL_U8) {
-            for (int k = 0; k < 3; k++)
-                rgba[k] = u8(pixel, channels_.color[k]);
-            rgba[3] = channels_.alpha < 0 ? 255 : u8(pixel, channels_.alpha);
-            return;
-        }
-        float v[4];
-        linear(pixel, v);
-        store(v, rgba);
-    }
-    static void store(const float v[4], unsigned char rgba[4])
-    {
-        for (int k = 0; k < 3; k++)
-            rgba[k] = sv_srgb8_from_linear(v[k]);
-        rgba[3] = (unsigned char)(unit(v[3]) * 255.0f + 0.5f);
-    }
-
-  private:
-    static float unit(float v)
-    {
-        return v > 0 ? (v < 1 ? v : 1) : 0; /* NaN: 0 */
-    }
-    unsigned char u8(size_t pixel, int channel) const
-    {
-        return ((const unsigned char *)data_)[pixel * (size_t)channels_.end + (size_t)channel];
-    }
-    float sample(size_t pixel, int channel) const
-    {
-        size_t i = pixel * (size_t)channels_.end + (size_t)channel;
-        if (type_ == SV_PIXEL_U8)
-            return ((const unsigned char *)data_)[i] / 255.0f;
-        if (type_ == SV_PIXEL_U16)
-            return ((const uint16_t *)data_)[i] / 65535.0f;
-        return ((const float *)data_)[i];
-    }
-    const void *data_;
-    enum sv_pixel_type type_;
-    Channels channels_;
-    bool premultiplied_;
+/* A picture read as far as its colour goes: samples of one type, interleaved. */
+struct Loaded {
+    std::vector<unsigned char> own;
+    sv_image image; /* own's pixels, or the heap's */
+    Channels channels;
+    bool premultiplied;
 };
 
-/* Area average of source pixels [x0, x1) x [y0, y1), colour weighted by alpha, in linear light. */
-void average(const Texels &texels, int width, int x0, int x1, int y0, int y1, unsigned char rgba[4])
+float unit(float v)
+{
+    return v > 0 ? (v < 1 ? v : 1) : 0; /* NaN: 0 */
+}
+
+float sample(const Loaded &l, size_t pixel, int channel)
+{
+    size_t i = pixel * (size_t)l.image.channels + (size_t)channel;
+    if (l.image.type == SV_PIXEL_U8)
+        return ((const unsigned char *)l.image.data)[i] / 255.0f;
+    if (l.image.type == SV_PIXEL_U16)
+        return ((const uint16_t *)l.image.data)[i] / 65535.0f;
+    return ((const float *)l.image.data)[i];
+}
+
+/* Linear light and alpha, straight, colour >= 0. */
+void texel_linear(const Loaded &l, size_t pixel, float rgba[4])
+{
+    rgba[3] = l.channels.alpha < 0 ? 1.0f : unit(sample(l, pixel, l.channels.alpha));
+    for (int k = 0; k < 3; k++) {
+        float v = sample(l, pixel, l.channels.color[k]);
+        if (l.image.type == SV_PIXEL_U8)
+            v = sv_linear_from_srgb8[(int)(v * 255.0f + 0.5f)];
+        else if (l.image.type == SV_PIXEL_U16)
+            v = sv_linear_from_srgb(v);
+        else if (l.premultiplied && rgba[3] > 0)
+            v /= rgba[3];
+        rgba[k] = v > 0 ? v : 0;
+    }
+}
+
+void texel_store(const float v[4], unsigned char rgba[4])
+{
+    for (int k = 0; k < 3; k++)
+        rgba[k] = sv_srgb8_from_linear(v[k]);
+    rgba[3] = (unsigned char)(unit(v[3]) * 255.0f + 0.5f);
+}
+
+/* u8 goes through untouched. */
+void texel_srgb8(const Loaded &l, size_t pixel, unsigned char rgba[4])
+{
+    if (l.image.type == SV_PIXEL_U8) {
+        const unsigned char *p = (const unsigned char *)l.image.data + pixel * (size_t)l.image.channels;
+        for (int k = 0; k < 3; k++)
+            rgba[k] = p[l.channels.color[k]];
+        rgba[3] = l.channels.alpha < 0 ? 255 : p[l.channels.alpha];
+        return;
+    }
+    float v[4];
+    texel_linear(l, pixel, v);
+    texel_store(v, rgba);
+}
+
+struct Box {
+    int x0, x1, y0, y1; /* pixels [x0, x1) x [y0, y1) */
+};
+
+/* Area average, colour weighted by alpha, in linear light. */
+void average(const Loaded &l, const Box &box, unsigned char rgba[4])
 {
     double sum[4] = {0, 0, 0, 0}, plain[3] = {0, 0, 0};
-    for (int y = y0; y < y1; y++)
-        for (int x = x0; x < x1; x++) {
+    for (int y = box.y0; y < box.y1; y++)
+        for (int x = box.x0; x < box.x1; x++) {
             float v[4];
-            texels.linear((size_t)y * (size_t)width + (size_t)x, v);
+            texel_linear(l, (size_t)y * (size_t)l.image.width + (size_t)x, v);
             for (int k = 0; k < 3; k++) {
                 sum[k] += (double)v[k] * v[3];
                 plain[k] += v[k];
             }
             sum[3] += v[3];
         }
-    double count = (double)(x1 - x0) * (y1 - y0);
+    double count = (double)(box.x1 - box.x0) * (box.y1 - box.y0);
     float mean[4] = {0, 0, 0, (float)(sum[3] / count)};
     for (int k = 0; k < 3;
          k++) /* where all is transparent the colour beneath is kept: it bleeds into neighbours */
         mean[k] = (float)(sum[3] > 0 ? sum[k] / sum[3] : plain[k] / count);
-    Texels::store(mean, rgba);
+    texel_store(mean, rgba);
 }
 
-enum sv_status shrink(const Texels &texels, const ImageSpec &spec, int max_side, sv_image &out,
-                      struct sv_error *error)
+enum sv_status shrink(const Loaded &l, int max_side, sv_image &rgba, struct sv_error *error)
 {
-    int side = spec.width > spec.height ? spec.width : spec.height;
-    int width = spec.width, height = spec.height;
-    if (side > max_side) {
-        width = (int)((int64_t)spec.width * max_side / side);
-        height = (int)((int64_t)spec.height * max_side / side);
-        width = width < 1 ? 1 : width;
-        height = height < 1 ? 1 : height;
-    }
+    int64_t w = l.image.width, h = l.image.height, side = w > h ? w : h;
+    bool same = side <= max_side;
+    int width = (int)(same ? w : w * max_side / side), height = (int)(same ? h : h * max_side / side);
+    width = width < 1 ? 1 : width;
+    height = height < 1 ? 1 : height;
+    sv_image out = {};
     enum sv_status status = sv_image_alloc(width, height, 4, SV_PIXEL_U8, &out, error);
     if (status != SV_OK)
         return status;
     auto *to = (unsigned char *)out.data;
-    bool same = side <= max_side;
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++, to += 4) {
-            if (same) {
-                texels.srgb8((size_t)y * (size_t)width + (size_t)x, to);
-                continue;
-            }
-            int x0 = (int)((int64_t)x * spec.width / width),
-                x1 = (int)((int64_t)(x + 1) * spec.width / width);
-            int y0 = (int)((int64_t)y * spec.height / height),
-                y1 = (int)((int64_t)(y + 1) * spec.height / height);
-            average(texels, spec.width, x0, x1, y0, y1, to);
+            if (same)
+                texel_srgb8(l, (size_t)y * (size_t)width + (size_t)x, to);
+            else
+                average(l,
+                        {(int)(x * w / width), (int)((x + 1) * w / width), (int)(y * h / height),
+                         (int)((y + 1) * h / height)},
+                        to);
         }
+    rgba = out;
     return SV_OK;
+}
+
+/* Reads the colour channels of what OpenImageIO opened. */
+enum sv_status load(Source &source, Loaded &l, struct sv_error *error)
+{
+    const ImageSpec &spec = source.input->spec();
+    l.channels = color_channels(spec);
+    enum sv_pixel_type type = spec.channelformats.empty() ? raw_type(spec.format) : SV_PIXEL_F32;
+    type = type == SV_PIXEL_U32 ? SV_PIXEL_F32 : type;
+    enum sv_status status = check_bytes(spec, l.channels.end, sv_pixel_bytes(type), error);
+    if (status != SV_OK)
+        return status;
+    l.image = {spec.width, spec.height, l.channels.end, type, nullptr};
+    l.own.resize(sv_image_bytes(&l.image));
+    l.image.data = l.own.data();
+    l.premultiplied = source.plugin == "openexr";
+    return read_pixels(source, 0, l.channels.end, oiio_type(type), l.image.data, error);
 }
 
 enum sv_status decode_rgba(const void *bytes, size_t size, const char *extension, int max_side,
@@ -337,27 +353,21 @@ enum sv_status decode_rgba(const void *bytes, size_t size, const char *extension
     enum sv_status status = open_source(bytes, size, extension, source, error);
     if (status != SV_OK)
         return status;
-    const ImageSpec &spec = source.input->spec();
-    Channels channels = color_channels(spec);
-    enum sv_pixel_type type = raw_type(spec.format);
-    type = type == SV_PIXEL_U32 || !spec.channelformats.empty() ? SV_PIXEL_F32 : type;
-    status = check_bytes(spec, channels.end, sv_pixel_bytes(type), error);
-    if (status != SV_OK)
-        return status;
-    std::vector<unsigned char> pixels((size_t)spec.width * (size_t)spec.height * (size_t)channels.end *
-                                      sv_pixel_bytes(type));
-    status = read_pixels(source, 0, channels.end, oiio_type(type), pixels.data(), error);
-    if (status != SV_OK)
-        return status;
-    sv_image out = {};
-    bool premultiplied = source.plugin == "openexr";
-    status = shrink(Texels(pixels.data(), type, channels, premultiplied), spec, max_side, out, error);
-    if (status != SV_OK)
-        return status;
-    rgba = out;
-    if (has_alpha)
-        *has_alpha = channels.alpha >= 0;
-    return SV_OK;
+    Loaded l = {};
+    sv_image webp = {};
+    if (source.input) {
+        status = load(source, l, error);
+    } else {
+        status = sv_webp_decode(bytes, size, &webp, error);
+        l.image = webp;
+        l.channels = {{0, 1, 2}, webp.channels == 4 ? 3 : -1, webp.channels};
+    }
+    if (status == SV_OK)
+        status = shrink(l, max_side, rgba, error);
+    sv_image_free(&webp);
+    if (status == SV_OK && has_alpha)
+        *has_alpha = l.channels.alpha >= 0;
+    return status;
 }
 
 /* Channels [first, end) of the picture in one type. */
@@ -372,11 +382,11 @@ enum sv_status decode_range(Source &source, int first, int end, enum sv_pixel_ty
     status = sv_image_alloc(spec.width, spec.height, end - first, type, &out, error);
     if (status != SV_OK)
         return status;
+    std::unique_ptr<void, decltype(&free)> guard(out.data, free); /* the reader may throw */
     status = read_pixels(source, first, end, oiio_type(type), out.data, error);
-    if (status != SV_OK) {
-        sv_image_free(&out);
+    if (status != SV_OK)
         return status;
-    }
+    (void)guard.release();
     image = out;
     return SV_OK;
 }

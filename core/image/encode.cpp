@@ -101,6 +101,8 @@ struct Format {
 };
 
 constexpr unsigned ANY_CHANNELS = 0x1FFFE;
+constexpr int PNG_FILTER_UP = 32;            /* libpng's number */
+constexpr int JPEG_FULL_CHROMA_QUALITY = 90; /* who asks for this much wants no colour bleeding over edges */
 
 const Format formats[SV_FORMAT_COUNT] = {
     {"jpeg", U8, 1 << 1 | 1 << 3, 65500},
@@ -209,21 +211,24 @@ enum sv_status encode_plain(const sv_image &image, const sv_encode_options &opti
     ImageSpec spec(image.width, image.height, image.channels, oiio_type(image.type));
     spec.alpha_channel = alpha_of(image);
     spec.attribute("oiio:UnassociatedAlpha", 1);
-    if (image.type == SV_PIXEL_U8)
-        spec.attribute("oiio:ColorSpace", "sRGB");
-    switch (options.format) {
+    switch (options.format) { /* settings: table in encode.h */
     case SV_FORMAT_JPEG:
         spec.attribute("Compression", "jpeg:" + std::to_string(options.quality));
-        spec.attribute("jpeg:subsampling", options.quality >= 90 ? "4:4:4" : "4:2:0");
+        spec.attribute("jpeg:subsampling", options.quality >= JPEG_FULL_CHROMA_QUALITY ? "4:4:4" : "4:2:0");
         break;
     case SV_FORMAT_PNG:
         spec.attribute("png:compressionLevel", 1);
-        spec.attribute("png:filter", 16);
+        spec.attribute("png:filter", PNG_FILTER_UP);
+        spec.attribute("oiio:ColorSpace",
+                       "sRGB");         /* a chunk of 13 bytes; a TIFF would lose its directory over it */
+        spec.attribute("DateTime", ""); /* else the present */
         break;
     case SV_FORMAT_TIFF:
         spec.attribute("compression", "zip");
         spec.attribute("tiff:zipquality", 1);
-        spec.attribute("DateTime", "0000:00:00 00:00:00");
+        spec.attribute("DateTime",
+                       "0000:00:00 00:00:00"); /* else the present; taken out by sv_geotiff_finish */
+        spec.attribute("tiff:write_exif", 0);
         break;
     case SV_FORMAT_WEBP:
     case SV_FORMAT_EXR:
@@ -285,7 +290,8 @@ enum sv_status encode_exr(const sv_encode_layer *layers, int count, void **bytes
     spec.format = spec.channelformats[0];
     if (same)
         spec.channelformats.clear();
-    spec.attribute("compression", "zip:1");
+    spec.attribute("compression", same && spec.format == TypeDesc::HALF ? "piz" : "zip:1");
+    spec.attribute("DateTime", ""); /* else the present */
     std::vector<unsigned char> pixels(stride * (size_t)spec.width * (size_t)spec.height);
     size_t offset = 0;
     for (int k = 0; k < count; k++) {

@@ -4,9 +4,13 @@
 
 #include "core/image/encode.h"
 
-/* Lossy WebP of a u8 image of 3 or 4 channels, at most 16383 a side. Fresh heap bytes. */
+/* Lossy WebP of a u8 image of 3 or 4 channels, 1..16383 a side, quality 1..100. Fresh heap bytes. */
 SV_MUST_CHECK enum sv_status sv_webp_encode(const struct sv_image *image, int quality, void **bytes,
                                             size_t *size, struct sv_error *error);
+/* A still WebP picture as u8 with 3 channels, or 4 when it has alpha (straight). Heap image. Any bytes are
+ * legal input: SV_EFORMAT, SV_EUNSUPPORTED (an animation). */
+SV_MUST_CHECK enum sv_status sv_webp_decode(const void *bytes, size_t size, struct sv_image *image,
+                                            struct sv_error *error);
 
 /* Rewrites the directory of a classic little-endian TIFF (*bytes, from malloc, of *size bytes; may be moved):
  * takes the DateTime tag out, so that equal pictures give equal bytes, and adds GeoTIFF tags when geo is not
