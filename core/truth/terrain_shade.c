@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "core/base/color.h"
+#include "core/terrain/detail.h"
 
 /* Bilinear taps of a texture whose sample (0, 0) is at position 0; clamped to the border. */
 struct taps {
@@ -31,10 +32,9 @@ static float blend(const struct taps *t, float a, float b, float c, float d)
     return low + (high - low) * t->fv;
 }
 
-void sv_terrain_shade(const struct sv_terrain *terrain, double x, double y, double footprint_m, float albedo[3],
-                      struct sv_vec3 *normal)
+void sv_terrain_shade(const struct sv_terrain *terrain, double x, double y, double pixel_m,
+                      struct sv_vec3 to_viewer, float albedo[3], struct sv_vec3 *normal)
 {
-    (void)footprint_m;
     const struct sv_heightfield *f = &terrain->field;
     double gi = (x - f->x0) / f->dx, gj = (y - f->y0) / f->dy;
     struct taps t;
@@ -57,4 +57,6 @@ void sv_terrain_shade(const struct sv_terrain *terrain, double x, double y, doub
                127.0f;
     double z2 = 1 - (double)n[0] * (double)n[0] - (double)n[1] * (double)n[1];
     *normal = sv_normalize(sv_vec3((double)n[0], (double)n[1], sqrt(fmax(z2, 0))));
+    double texel_m = (f->width - 1) * f->dx / image->width;
+    sv_terrain_detail_apply(x, y, pixel_m, sv_dot(*normal, to_viewer), texel_m, albedo);
 }

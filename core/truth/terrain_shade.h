@@ -8,8 +8,9 @@
 #include "core/base/vec.h"
 #include "core/terrain/terrain.h"
 
-/* (x, y) world; footprint_m: size of a pixel on the ray there. albedo linear. Outside the terrain: its border. */
-void sv_terrain_shade(const struct sv_terrain *terrain, double x, double y, double footprint_m, float albedo[3],
-                      struct sv_vec3 *normal);
+/* (x, y) world; pixel_m: size of a pixel at that depth (depth / focal_px); to_viewer unit. albedo linear. Outside the terrain:
+ * its border. sv_terrain_detail_init has been called. */
+void sv_terrain_shade(const struct sv_terrain *terrain, double x, double y, double pixel_m,
+                      struct sv_vec3 to_viewer, float albedo[3], struct sv_vec3 *normal);
 
 #endif

@@ -12,6 +12,7 @@
 #include "core/base/color.h"
 #include "core/base/frames.h"
 #include "core/scene/id.h"
+#include "core/terrain/detail.h"
 #include "core/truth/terrain_patch.h"
 #include "core/truth/terrain_shade.h"
 #include "core/truth/texture.h"
@@ -185,7 +186,9 @@ enum sv_status sv_truth_create(const struct sv_scene *scene, struct sv_truth **o
     truth->scene = scene;
     truth->origin = sv_vec3((f->x0 + sv_heightfield_x1(f)) / 2, (f->y0 + sv_heightfield_y1(f)) / 2, f->z0);
     sv_color_init();
-    enum sv_status status = build(truth, error);
+    enum sv_status status = sv_terrain_detail_init(error);
+    if (!status)
+        status = build(truth, error);
     if (status) {
         sv_truth_destroy(truth);
         return status;
@@ -310,11 +313,10 @@ static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_v
         tree_hit(truth, &rh.hit, direction, hit);
         return;
     }
-    double distance = hit->depth_m * sv_length(direction);
-    double footprint = caster->camera->projection == SV_PROJECTION_PERSPECTIVE ? caster->pixel_angle * distance
-                                                                               : caster->pixel_angle;
-    sv_terrain_shade(&truth->scene->terrain, hit->local.x + truth->origin.x, hit->local.y + truth->origin.y, footprint,
-                     hit->albedo, &hit->normal);
+    double pixel_m = caster->camera->projection == SV_PROJECTION_PERSPECTIVE ? caster->pixel_angle * hit->depth_m
+                                                                             : caster->pixel_angle;
+    sv_terrain_shade(&truth->scene->terrain, hit->local.x + truth->origin.x, hit->local.y + truth->origin.y, pixel_m,
+                     sv_scale(sv_normalize(direction), -1), hit->albedo, &hit->normal);
     hit->occlusion = 1;
     hit->id = SV_ID_TERRAIN;
 }
