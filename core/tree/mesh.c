@@ -340,7 +340,7 @@ enum sv_status sv_tree_mesh_load(const void *data, size_t bytes, struct sv_tree_
                                  struct sv_error *error)
 {
     struct sv_tree_mesh m = {0};
-    size_t texture_total;
+    size_t texture_total = 0;
     enum sv_status status = read_header(data, bytes, &m, error);
     if (status == SV_OK)
         status = read_materials(data, bytes, &m, &texture_total, error);
