@@ -219,7 +219,7 @@ void sv_terrain_detail_apply(double x, double y, double pixel_m, double n_dot_v,
     float veg = step_between(0, 0.03f, albedo[1] - albedo[0]); /* blades where it is green, grit elsewhere */
     float coarse = strength * (float)fmin(1, texel_m * 10 / SV_TERRAIN_DETAIL_COARSE_M);
     float fine = strength * (float)fmin(1, texel_m * 10 / SV_TERRAIN_DETAIL_FINE_M);
-    if (!(strength > 0))
+    if (!(strength > 0) || !isfinite(x) || !isfinite(y) || !isfinite(footprint))
         return;
     float c[4], f[4];
     sv_terrain_detail_place(x, y, uv);

@@ -1,0 +1,11 @@
+// terrain.vert - mesh vertices relative to the eye.
+#include "frame.glsl"
+
+layout(location = 0) in vec3 place;
+out vec3 p;
+
+void main()
+{
+    p = place;
+    gl_Position = clip_from_local * vec4(place, 1.0);
+}
