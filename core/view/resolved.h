@@ -1,5 +1,5 @@
-/* resolved.h - a view that has met its scene: camera, sun and plan as plain values. Made by resolve.h on a worker;
- * crosses the process border as it is, so the daemon includes this and nothing heavier. */
+/* resolved.h - a view that has met its scene: camera, sun and plan as plain values. Made by resolve.h on a
+ * worker; crosses the process border as it is, so the daemon includes this and nothing heavier. */
 #ifndef SV_VIEW_RESOLVED_H
 #define SV_VIEW_RESOLVED_H
 
@@ -28,8 +28,8 @@ struct sv_resolved_view {
     bool has_target;
     struct sv_vec3 target;
     double heading_rad, pitch_rad, roll_rad; /* from grid north */
-    double convergence_rad;                  /* heading of true north, clockwise from grid north, at the eye */
-    double ground_z;                         /* below the eye, m; NaN outside the terrain */
+    double convergence_rad; /* heading of true north, clockwise from grid north, at the eye */
+    double ground_z;        /* below the eye, m; NaN outside the terrain */
     bool has_lonlat;
     double lon_deg, lat_deg; /* of the eye */
     struct sv_sun sun;       /* azimuth from grid north */

@@ -1,4 +1,5 @@
-/* timings.h - the stages of one view, how long each took, and what was drawn: plain values that cross the process border.
+/* timings.h - the stages of one view, how long each took, and what was drawn: plain values that cross the
+ * process border.
  *
  * The daemon turns them into Server-Timing; the renderer fills them. No clock and no drawing here. */
 #ifndef SV_VIEW_TIMINGS_H
@@ -6,14 +7,14 @@
 
 #include <stdint.h>
 
-#define SV_STAGE_LIST(X)                                                                                     \
-    X(SV_STAGE_QUEUE, "queue")                                                                               \
-    X(SV_STAGE_PLAN, "plan")                                                                                 \
-    X(SV_STAGE_CELL, "cell")                                                                                 \
-    X(SV_STAGE_WARP, "warp")                                                                                 \
-    X(SV_STAGE_NEAR, "near")                                                                                 \
-    X(SV_STAGE_COMPOSITE, "composite")                                                                       \
-    X(SV_STAGE_ENCODE, "encode")                                                                             \
+#define SV_STAGE_LIST(X)               \
+    X(SV_STAGE_QUEUE, "queue")         \
+    X(SV_STAGE_PLAN, "plan")           \
+    X(SV_STAGE_CELL, "cell")           \
+    X(SV_STAGE_WARP, "warp")           \
+    X(SV_STAGE_NEAR, "near")           \
+    X(SV_STAGE_COMPOSITE, "composite") \
+    X(SV_STAGE_ENCODE, "encode")       \
     X(SV_STAGE_TOTAL, "total")
 
 enum sv_stage {
