@@ -9,9 +9,9 @@
 #include "core/tree/grow_math.h"
 #include "core/tree/grow_parts.h"
 
-enum { WHORLS = 27, TRUNK_STEPS = 3, BRANCH_NODES = 7, BRANCHES_MAX = 512 };
+enum { WHORLS = 30, TRUNK_STEPS = 3, BRANCH_NODES = 7, BRANCHES_MAX = 512 };
 
-static const double BASE = 0.055, TOP = 0.985, RADIUS = 0.185, SPRAYS_PER_BRANCHLET = 10;
+static const double BASE = 0.075, TOP = 0.985, RADIUS = 0.20, SPRAYS_PER_BRANCHLET = 10;
 
 struct branch {
     int node;     /* on the trunk */
@@ -23,7 +23,7 @@ struct branch {
 static double shape(double z)
 {
     double t = (z - BASE) / (TOP - BASE), foot = t < 0.07 ? 0.72 + 4 * t : 1;
-    return foot * (0.035 + 0.965 * sv_grow_pow(1 - t, 0.88));
+    return foot * (0.04 + 0.96 * sv_grow_pow(1 - t, 0.80));
 }
 
 static double whorl_height(int i)
@@ -65,7 +65,8 @@ static int plan_branches(const int whorl_node[WHORLS + 1], struct branch *branch
         for (int k = 0; k < n + 4; k++) {
             bool between = k >= n; /* four weaker ones above the whorl */
             double along = between ? (k - n + 0.7) / 4.4 : 1;
-            int step = between ? 1 + (int)(along * TRUNK_STEPS) : 0;
+            /* whorls are not drawn with a ruler: a branch may sit a third of a year off */
+            int step = between ? 1 + (int)(along * TRUNK_STEPS) : (int)(3 * sv_rng_unit(rng)) - 1;
             step = step > TRUNK_STEPS ? TRUNK_STEPS : step;
             double z = whorl_height(i) + (between ? along * (whorl_height(i + 1) - whorl_height(i)) : 0);
             double azimuth = between ? turn + 2.39996 * (k + 1) : turn + 2 * SV_PI * k / n;
@@ -86,7 +87,7 @@ static void add_branchlets(struct sv_grow_tree *tree, const struct branch *b, in
                            struct sv_rng *rng)
 {
     int side_sign = 1;
-    double t0 = 0.10, due = spacing * sv_rng_unit(rng);
+    double t0 = 0.05, due = spacing * sv_rng_unit(rng);
     for (double at = t0 * b->length + due; at < 0.97 * b->length && !tree->failed; at += spacing) {
         double t = at / b->length * BRANCH_NODES;
         int k = (int)t;
@@ -96,12 +97,12 @@ static void add_branchlets(struct sv_grow_tree *tree, const struct branch *b, in
         side_sign = -side_sign;
         double left = 1 - at / b->length;
         double length = 0.006 + 0.40 * b->length * sv_grow_pow(left, 0.75) *
-                                    (at < 0.3 * b->length ? at / (0.3 * b->length) : 1);
+                                    (at < 0.25 * b->length ? 0.3 + 0.7 * at / (0.25 * b->length) : 1);
         length *= sv_rng_range(rng, 0.8, 1.15);
         double c, s;
         sv_grow_sincos(0.87 * sv_rng_range(rng, 0.85, 1.15), &s, &c);
         struct sv_vec3 d = sv_add(sv_scale(h, c), sv_scale(level, s * side_sign));
-        double hang = 0.16 + 0.30 * (1 - b->z);
+        double hang = 0.30 + 0.45 * (1 - b->z);
         d = sv_normalize(sv_add(d, sv_vec3(0, 0, -hang * sv_rng_range(rng, 0.5, 1.4))));
         struct sv_vec3 p = sv_madd(tree->nodes[base].p, d, length);
         if (p.z < 0.012)
@@ -116,7 +117,7 @@ static void add_branch(struct sv_grow_tree *tree, const struct branch *b, double
 {
     double s, c, high = (b->z - BASE) / (TOP - BASE);
     sv_grow_sincos(b->azimuth_rad, &s, &c);
-    double start = -0.42 + 1.25 * sv_grow_pow(high, 1.2), lift = 0.55 * (1 - high) + 0.15;
+    double start = -0.40 + 1.05 * sv_grow_pow(high, 1.3), lift = 0.55 * (1 - high) + 0.15;
     start += sv_rng_range(rng, -0.08, 0.08);
     int base = sv_grow_add_free(tree, b->node, b->along, SV_GROW_LIMB), from = base, first = tree->node_count;
     struct sv_vec3 p = tree->nodes[base].p;

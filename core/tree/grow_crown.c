@@ -37,23 +37,23 @@ struct crown_form {
 
 static const struct crown_form FORMS[SV_HABIT_COUNT] = {
     [SV_HABIT_BROADLEAF] = {.stems = 1,
-                            .trunk_top = 0.70,
-                            .wobble = 0.012,
+                            .trunk_top = 0.54,
+                            .wobble = 0.018,
                             .fork_from = 0.20,
                             .base = 0.17,
                             .radius = 0.36,
-                            .widest = 0.42,
+                            .widest = 0.4,
                             .low = 2.0,
                             .high = 2.3,
-                            .lobes = 34,
-                            .lobe_radius = 0.115,
+                            .lobes = 46,
+                            .lobe_radius = 0.118,
                             .lobe_stretch = 0.8,
                             .outward = 0.55,
                             .rise = 0.42,
                             .start_rise = 0.72,
-                            .points = 2600,
+                            .points = 3000,
                             .colonise = {0.016, 0.16, 0.026, 0.55, {0, 0, 0.12}, 120, 9000},
-                            .twigs = {0, 0.13, 0.042, 0.85, 2.39996, 0.6, 0.25, 2},
+                            .twigs = {0, 0.13, 0.042, 0.85, 2.39996, 0.5, 0.15, 1},
                             .leaves_per_twig = 13,
                             .twigs_min = 1900},
     [SV_HABIT_POPLAR] = {.stems = 1,
@@ -61,39 +61,39 @@ static const struct crown_form FORMS[SV_HABIT_COUNT] = {
                          .wobble = 0.006,
                          .fork_from = 0.05,
                          .base = 0.06,
-                         .radius = 0.115,
-                         .widest = 0.36,
+                         .radius = 0.098,
+                         .widest = 0.3,
                          .low = 1.7,
-                         .high = 1.55,
-                         .lobes = 40,
-                         .lobe_radius = 0.036,
-                         .lobe_stretch = 3.4,
-                         .outward = 0.35,
+                         .high = 1.35,
+                         .lobes = 58,
+                         .lobe_radius = 0.03,
+                         .lobe_stretch = 3.8,
+                         .outward = 0.3,
                          .rise = 0.86,
-                         .start_rise = 0.80,
-                         .points = 2600,
-                         .colonise = {0.013, 0.10, 0.017, 0.7, {0, 0, 0.55}, 120, 9000},
-                         .twigs = {0, 0.12, 0.030, 0.70, 2.39996, 0.0, 0.5, 2},
+                         .start_rise = 0.86,
+                         .points = 3000,
+                         .colonise = {0.013, 0.10, 0.016, 0.7, {0, 0, 0.9}, 120, 9000},
+                         .twigs = {0, 0.12, 0.030, 0.62, 2.39996, 0.0, 0.6, 1},
                          .leaves_per_twig = 13,
                          .twigs_min = 1900},
-    [SV_HABIT_SHRUB] = {.stems = 9,
+    [SV_HABIT_SHRUB] = {.stems = 11,
                         .trunk_top = 0.0,
-                        .wobble = 0.03,
+                        .wobble = 0.04,
                         .fork_from = 0.06,
-                        .base = 0.02,
+                        .base = 0.0,
                         .radius = 0.58,
                         .widest = 0.40,
                         .low = 2.4,
                         .high = 2.2,
-                        .lobes = 40,
-                        .lobe_radius = 0.17,
+                        .lobes = 56,
+                        .lobe_radius = 0.165,
                         .lobe_stretch = 0.85,
-                        .outward = 0.5,
+                        .outward = 0.2,
                         .rise = 0.40,
-                        .start_rise = 0.75,
-                        .points = 2400,
+                        .start_rise = 0.88,
+                        .points = 2800,
                         .colonise = {0.024, 0.24, 0.042, 0.6, {0, 0, 0.2}, 120, 9000},
-                        .twigs = {0, 0.20, 0.066, 0.80, 2.39996, 0.2, 0.45, 2},
+                        .twigs = {0, 0.20, 0.066, 0.80, 2.39996, 0.2, 0.35, 1},
                         .leaves_per_twig = 13,
                         .twigs_min = 1700},
 };
@@ -190,7 +190,7 @@ static void build_trunk(struct sv_grow_tree *tree, const struct crown_form *f, s
         double z = i < 6 ? foot[i] : 0.055 + (i - 5) * 0.02;
         if (z > f->trunk_top)
             break;
-        double grip = z < 0.1 ? z / 0.1 : 1; /* upright at the foot */
+        double g = z < 0.3 ? z / 0.3 : 1, grip = g * g * (3 - 2 * g); /* upright at the foot */
         double x = f->wobble * grip *
                    (sv_grow_sin(6 * z + phase[0]) + 0.6 * sv_grow_sin(15 * z + phase[1]) -
                     sv_grow_sin(phase[0]) - 0.6 * sv_grow_sin(phase[1]));
@@ -268,12 +268,11 @@ static int find_fork(const struct sv_grow_tree *tree, const struct crown_form *f
 static void build_stems(struct sv_grow_tree *tree, const struct crown *crown, struct sv_rng *rng)
 {
     const struct crown_form *f = crown->form;
-    double turn = sv_rng_range(rng, 0, 2 * SV_PI);
     for (int k = 0; k < f->stems; k++) {
         const struct lobe *lobe = &crown->lobes[k * crown->lobe_count / f->stems];
-        double s, c, out = f->wobble * sqrt((k + 0.1) / f->stems) * 2;
-        sv_grow_sincos(turn + 2.39996 * k, &s, &c);
-        struct sv_vec3 foot = sv_vec3(out * c, out * s, 0);
+        /* feet near the middle, each on its lobe's side: stems do not cross */
+        struct sv_vec3 level = sv_normalize(sv_vec3(lobe->centre.x, lobe->centre.y, 0));
+        struct sv_vec3 foot = sv_scale(level, f->wobble * sv_rng_range(rng, 0.3, 1.0));
         int at =
             k == 0 ? sv_grow_add(tree, foot, -1, SV_GROW_TRUNK) : sv_grow_add(tree, foot, 0, SV_GROW_TRUNK);
         tree->nodes[at].free = k > 0;

@@ -255,6 +255,7 @@ static void add_twig(struct sv_grow_tree *tree, int base, struct sv_vec3 d, cons
     struct sv_vec3 face = sv_sub(sv_vec3(0, 0, 1), sv_scale(d, d.z)), p = tree->nodes[base].p;
     face = sv_normalize(sv_madd(face, sv_grow_random_unit(rng), 0.25));
     int from = base, first = tree->node_count;
+    d = sv_normalize(sv_madd(d, sv_vec3(0, 0, 1), 0.5 * o->lift));
     for (int s = 0; s < o->segments; s++) {
         p = sv_madd(p, d, length / o->segments);
         p.z = p.z < 0.012 ? 0.012 : p.z;

@@ -35,9 +35,10 @@ static int tube_root(const struct sv_grow_tree *tree, int i)
     return tree->nodes[i].free ? -1 : tree->nodes[i].parent;
 }
 
-/* True when all nodes after `from` and before `to` on a chain lie within tolerance (shares of their radius)
- * of the line. */
-static bool straight(const struct sv_grow_tree *tree, int from, int to, double tolerance)
+/* True when all nodes after `from` and before `to` on a chain lie near the line: within tolerance times the
+ * mean of the wood's own radius and a slim branch's, so that thick limbs, whose kinks are what one sees, bend
+ * in finer steps. */
+static bool straight(const struct sv_grow_tree *tree, int from, int to, double tolerance, double slim)
 {
     struct sv_vec3 a = tree->nodes[from].p, d = sv_sub(tree->nodes[to].p, a);
     double dd = sv_dot(d, d);
@@ -47,7 +48,7 @@ static bool straight(const struct sv_grow_tree *tree, int from, int to, double t
         double t = dd > 0 ? sv_clamp(sv_dot(r, d) / dd, 0, 1) : 0;
         r = sv_madd(r, d, -t);
         double mean = tree->nodes[from].radius + t * (tree->nodes[to].radius - tree->nodes[from].radius);
-        double limit = tolerance * n->radius;
+        double limit = tolerance * sqrt(n->radius * slim);
         if (n->keep || sv_dot(r, r) > limit * limit || fabs(mean - n->radius) > 0.5 * tolerance * n->radius)
             return false;
     }
@@ -67,7 +68,8 @@ static struct sv_grow_wood_plan thin(struct sv_grow_tree *tree, double trunk_rad
         int rings = tube_root(tree, start) >= 0 ? 2 : 1; /* with the last, which is a point */
         for (int at = start; tree->nodes[at].main >= 0;) {
             int to = tree->nodes[at].main;
-            while (tree->nodes[to].main >= 0 && straight(tree, at, tree->nodes[to].main, tolerance))
+            while (tree->nodes[to].main >= 0 &&
+                   straight(tree, at, tree->nodes[to].main, tolerance, 0.06 * trunk_radius))
                 to = tree->nodes[to].main;
             for (int i = tree->nodes[at].main; i != to; i = tree->nodes[i].main)
                 tree->nodes[i].skip = true;
@@ -111,9 +113,9 @@ static void straighten(struct sv_grow_tree *tree)
 
 struct sv_grow_wood_plan sv_grow_plan_wood(struct sv_grow_tree *tree, double trunk_radius, uint32_t budget)
 {
-    struct sv_grow_wood_plan plan = thin(tree, trunk_radius, 0.12, 1);
+    struct sv_grow_wood_plan plan = thin(tree, trunk_radius, 0.15, 1);
     for (int k = 1; k < 24 && plan.triangles > budget; k++)
-        plan = thin(tree, trunk_radius, 0.12 * sv_grow_pow(1.3, k), sv_grow_pow(0.96, k));
+        plan = thin(tree, trunk_radius, 0.15 * sv_grow_pow(1.25, k), sv_grow_pow(0.97, k));
     straighten(tree);
     return plan;
 }
@@ -227,7 +229,7 @@ static void put_tube(const struct sv_grow_tree *tree, int start, struct tube *t)
 {
     int root = tube_root(tree, start);
     const struct sv_grow_node *first = &tree->nodes[start];
-    int at = start, to = root >= 0 ? start : next_kept(tree, start);
+    int to = root >= 0 ? start : next_kept(tree, start);
     if (to < 0)
         return;
     struct sv_vec3 from = root >= 0 ? tree->nodes[root].p : first->p;
@@ -258,8 +260,7 @@ static void put_tube(const struct sv_grow_tree *tree, int start, struct tube *t)
         put_walls(t, ring, upper);
         ring = upper;
         from = p, radius = next;
-        at = to, to = beyond;
-        (void)at;
+        to = beyond;
     }
 }
 

@@ -24,10 +24,10 @@ struct leaf_shape {
 };
 
 static const struct leaf_shape BLADES[SV_HABIT_COUNT] = {
-    [SV_HABIT_BROADLEAF] = {0.97, 0.46, 0.66, 9, 0.030, 8, 0.42, {68, 97, 42}, {104, 128, 66}},
-    [SV_HABIT_POPLAR] = {0.97, 0.30, 0.70, 14, 0.035, 6, 0.60, {76, 104, 46}, {120, 140, 78}},
-    [SV_HABIT_SHRUB] = {0.97, 0.55, 0.58, 18, 0.025, 6, 0.50, {64, 92, 44}, {98, 120, 66}},
-    [SV_HABIT_PALM] = {0.98, 0.20, 0.50, 0, 0, 0, 0, {76, 96, 50}, {112, 126, 72}},
+    [SV_HABIT_BROADLEAF] = {0.97, 0.46, 0.66, 9, 0.030, 8, 0.42, {70, 92, 46}, {104, 122, 70}},
+    [SV_HABIT_POPLAR] = {0.97, 0.30, 0.70, 14, 0.035, 6, 0.60, {74, 94, 49}, {114, 128, 78}},
+    [SV_HABIT_SHRUB] = {0.97, 0.55, 0.58, 18, 0.025, 6, 0.50, {66, 90, 48}, {98, 116, 68}},
+    [SV_HABIT_PALM] = {0.98, 0.20, 0.50, 0, 0, 0, 0, {78, 96, 54}, {112, 126, 74}},
 };
 
 /* Tints of the four variants: young, mature, shaded, sunny. */
@@ -76,7 +76,8 @@ static struct leaf_sample blade(const struct leaf_shape *shape, double x, double
 static bool needle_layer(double x, double y, double count, double slope, double duty, uint64_t seed,
                          double *shade)
 {
-    double ax = fabs(x), s = count * (y - slope * ax) + (x < 0 ? 0.5 : 0.0);
+    double bow = y > 0.55 ? slope + 0.55 * (y - 0.55) : slope; /* towards the tip they point onward */
+    double ax = fabs(x), s = count * (y - bow * ax) + (x < 0 ? 0.5 : 0.0);
     double k = floor(s + 0.5);
     uint64_t h = sv_mix64(seed + (uint64_t)(int64_t)k * 2 + (x < 0));
     double jitter = (double)(h >> 40) * 0x1p-24 - 0.5, reach_jitter = (double)(h & 0xFFFF) / 65536.0;
@@ -84,7 +85,7 @@ static bool needle_layer(double x, double y, double count, double slope, double 
     if (foot < -0.02 || foot > 0.93)
         return false;
     /* The spray's outline: full along its sides, round at the tip. */
-    double tip = foot > 0.6 ? 1 - 0.45 * (foot - 0.6) / 0.33 * (foot - 0.6) / 0.33 : 1;
+    double late = foot > 0.35 ? (foot - 0.35) / 0.58 : 0, tip = 1 - 0.78 * late * late;
     double reach = (0.90 + 0.08 * reach_jitter) * tip * (foot < 0.04 ? 0.8 : 1);
     double along = ax / reach;
     if (along > 1)
@@ -99,11 +100,11 @@ static bool needle_layer(double x, double y, double count, double slope, double 
 
 static struct leaf_sample spray(double x, double y, uint64_t seed)
 {
-    static const double needle[3] = {46, 70, 44}, stem[3] = {84, 66, 46};
+    static const double needle[3] = {70, 94, 61}, stem[3] = {84, 68, 48};
     struct leaf_sample out = {.inside = true};
     double shade = 0.72;
-    bool front = needle_layer(x, y, 17, 0.16, 0.56, seed, &shade);
-    bool back = !front && needle_layer(x, y, 15, 0.27, 0.60, seed + 99, &shade);
+    bool front = needle_layer(x, y, 19, 0.16, 0.62, seed, &shade);
+    bool back = !front && needle_layer(x, y, 17, 0.27, 0.66, seed + 99, &shade);
     bool on_stem = fabs(x) < 0.045 && y < 0.93 && !front;
     if (back)
         shade *= 0.80;
