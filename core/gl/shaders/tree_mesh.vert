@@ -1,0 +1,29 @@
+// tree_mesh.vert - a tree's polygons: model space to local (frames.h: rotation clockwise seen from above, height 1 to metres).
+#include "frame.glsl"
+
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 model_normal;
+layout(location = 2) in float model_occlusion;
+layout(location = 3) in vec2 uv;
+layout(location = 4) in vec4 place; // foot, eye-relative; height
+layout(location = 5) in vec2 turn;  // cos, sin
+layout(location = 6) in uint tree_id;
+
+out vec3 local;
+out vec3 normal;
+out vec3 uv_occlusion;
+flat out uint id;
+
+vec3 turned(vec3 p)
+{
+    return vec3(turn.x * p.x + turn.y * p.y, turn.x * p.y - turn.y * p.x, p.z);
+}
+
+void main()
+{
+    local = place.xyz + place.w * turned(position);
+    normal = turned(model_normal);
+    uv_occlusion = vec3(uv, model_occlusion);
+    id = tree_id;
+    gl_Position = clip_from_local * vec4(local, 1.0);
+}

@@ -1,0 +1,43 @@
+// tree_quad.vert - a far tree's quad; corners come ready from core/tree/draw_impostor.c.
+#include "frame.glsl"
+
+layout(location = 0) in vec3 place; // eye-relative
+layout(location = 1) in vec2 cell;
+layout(location = 2) in vec4 frame_of; // the cell's corner in the atlas; layer; level
+layout(location = 3) in vec4 light_of; // to the sun in the frame's axes; coverage factor
+layout(location = 4) in vec4 up_of;    // world up along the frame's up and toward; translucency; texels a cell
+layout(location = 5) in vec3 right_of;
+layout(location = 6) in vec3 top_of;
+layout(location = 7) in uint id_of;
+
+out vec2 st;
+flat out vec4 frame_at;
+#ifdef HARD
+flat out float texels;
+flat out float coverage;
+flat out vec3 right;
+flat out vec3 top;
+flat out uint id;
+#else
+out float distance_m;
+flat out vec4 sun_at;
+flat out vec4 up_at;
+#endif
+
+void main()
+{
+    st = cell;
+    frame_at = frame_of;
+#ifdef HARD
+    texels = up_of.w;
+    coverage = light_of.w;
+    right = right_of;
+    top = top_of;
+    id = id_of;
+#else
+    distance_m = frame_distance(place);
+    sun_at = light_of;
+    up_at = up_of;
+#endif
+    gl_Position = clip_from_local * vec4(place, 1.0);
+}

@@ -1,0 +1,192 @@
+/* draw_cull.c - see draw_cull.h. Boxes against planes by their nearest corner; order by a stable radix sort.
+ */
+#include "core/tree/draw_cull.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { RADIX_BITS = 11, RADIX = 1 << RADIX_BITS, PASSES = 3, STACK = 64 };
+enum relation { OUTSIDE, CROSSING, INSIDE };
+
+/* A box by middle and half extents, relative to the eye. */
+struct box {
+    double middle[3], half[3];
+};
+
+static enum relation relate(const struct box *box, const double planes[5][4])
+{
+    enum relation result = INSIDE;
+    for (int k = 0; k < 5; k++) {
+        const double *p = planes[k];
+        double at = p[0] * box->middle[0] + p[1] * box->middle[1] + p[2] * box->middle[2] + p[3];
+        double reach = fabs(p[0]) * box->half[0] + fabs(p[1]) * box->half[1] + fabs(p[2]) * box->half[2];
+        if (at + reach < 0)
+            return OUTSIDE;
+        if (at - reach < 0)
+            result = CROSSING;
+    }
+    return result;
+}
+
+static struct box node_box(const struct sv_forest_node *node, const double origin[3])
+{
+    struct box box;
+    for (int a = 0; a < 3; a++) {
+        box.middle[a] = origin[a] + 0.5 * ((double)node->box_min[a] + (double)node->box_max[a]);
+        box.half[a] = 0.5 * ((double)node->box_max[a] - (double)node->box_min[a]);
+    }
+    return box;
+}
+
+static struct box tree_box(const struct sv_tree *tree, float radius, struct sv_vec3 eye)
+{
+    double h = (double)tree->height_m, r = h * (double)radius;
+    return (struct box){{tree->x - eye.x, tree->y - eye.y, tree->z - eye.z + 0.5 * h}, {r, r, 0.5 * h}};
+}
+
+double sv_cull_distance_m(const struct sv_camera *camera, const struct sv_tree *tree)
+{
+    struct sv_vec3 middle = sv_vec3(tree->x - camera->eye.x, tree->y - camera->eye.y,
+                                    tree->z - camera->eye.z + 0.5 * (double)tree->height_m);
+    return camera->projection == SV_PROJECTION_ORTHOGRAPHIC ? sv_dot(middle, camera->forward)
+                                                            : sv_length(middle);
+}
+
+double sv_cull_height_px(const struct sv_camera *camera, const struct sv_tree *tree)
+{
+    double size = sv_camera_focal_px(camera) * (double)tree->height_m;
+    if (camera->projection == SV_PROJECTION_ORTHOGRAPHIC)
+        return size;
+    double distance = sv_cull_distance_m(camera, tree);
+    return size / fmax(distance, 1e-3);
+}
+
+/* Floats as unsigned integers of the same order. */
+static uint32_t order_code(float v)
+{
+    uint32_t bits;
+    memcpy(&bits, &v, sizeof bits);
+    return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
+}
+
+static void add_trees(const struct sv_forest *forest, const struct sv_forest_node *node,
+                      const struct sv_cull_species *species, const struct sv_camera *camera,
+                      const double planes[5][4], bool all, struct sv_cull_list *list)
+{
+    for (uint32_t k = node->first; k < node->first + node->count; k++) {
+        const struct sv_tree *tree = &forest->trees[k];
+        struct box box = tree_box(tree, species[tree->species].radius, camera->eye);
+        if (!all && relate(&box, planes) == OUTSIDE)
+            continue;
+        uint32_t key = order_code((float)sv_cull_distance_m(camera, tree));
+        list->entries[list->impostor_count++] = (struct sv_cull_entry){key, k};
+    }
+}
+
+static void walk(const struct sv_forest *forest, const struct sv_cull_species *species,
+                 const struct sv_camera *camera, const double planes[5][4], struct sv_cull_list *list)
+{
+    const double origin[3] = {forest->origin.x - camera->eye.x, forest->origin.y - camera->eye.y,
+                              forest->origin.z - camera->eye.z};
+    uint32_t stack[STACK];
+    int top = 0;
+    stack[top++] = 1;
+    while (top > 0) {
+        uint32_t k = stack[--top];
+        const struct sv_forest_node *node = &forest->nodes[k];
+        if (node->count == 0)
+            continue;
+        struct box box = node_box(node, origin);
+        enum relation relation = relate(&box, planes);
+        if (relation == OUTSIDE)
+            continue;
+        if (relation == INSIDE || k >= forest->leaf_first) {
+            add_trees(forest, node, species, camera, planes, relation == INSIDE, list);
+            continue;
+        }
+        stack[top++] = 2 * k + 1; /* the first child is walked first: order of the forest */
+        stack[top++] = 2 * k;
+    }
+}
+
+static void sort_near_first(struct sv_cull_list *list)
+{
+    struct sv_cull_entry *from = list->entries, *to = list->swap;
+    uint32_t count = list->impostor_count;
+    for (int pass = 0; pass < PASSES; pass++) {
+        int shift = pass * RADIX_BITS;
+        uint32_t start[RADIX] = {0}, sum = 0;
+        for (uint32_t k = 0; k < count; k++)
+            start[from[k].key >> shift & (RADIX - 1)]++;
+        for (int d = 0; d < RADIX; d++) {
+            uint32_t n = start[d];
+            start[d] = sum;
+            sum += n;
+        }
+        for (uint32_t k = 0; k < count; k++)
+            to[start[from[k].key >> shift & (RADIX - 1)]++] = from[k];
+        struct sv_cull_entry *swap = from;
+        from = to;
+        to = swap;
+    }
+    list->entries = from;
+    list->swap = to;
+}
+
+/* Splits the list, nearest first, into polygons and the rest, and turns the rest over. The nearest polygon
+ * may alone exceed the budget; the first later one that does closes the list. */
+static void choose(const struct sv_forest *forest, const struct sv_cull_species *species,
+                   const struct sv_camera *camera, const struct sv_tree_draw_options *options,
+                   struct sv_cull_list *list)
+{
+    uint32_t count = list->impostor_count, near = 0, far = 0;
+    bool limited = options->form == SV_TREE_FORM_AUTO;
+    bool closed = options->form == SV_TREE_FORM_IMPOSTOR || (limited && options->triangle_budget == 0);
+    for (uint32_t k = 0; k < count; k++) {
+        struct sv_cull_entry entry = list->entries[k];
+        const struct sv_tree *tree = &forest->trees[entry.tree];
+        bool tall = !limited || sv_cull_height_px(camera, tree) >= options->polygon_px;
+        uint64_t sum = list->triangles + species[tree->species].triangles;
+        closed = closed || (limited && tall && near > 0 && sum > options->triangle_budget);
+        if (closed || !tall) {
+            list->swap[far++] = entry;
+            continue;
+        }
+        list->entries[near++] = entry;
+        list->triangles = sum;
+    }
+    list->polygon_count = near;
+    list->impostor_count = far;
+    for (uint32_t k = 0; k < far; k++)
+        list->entries[near + k] = list->swap[far - 1 - k];
+}
+
+enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cull_species *species,
+                              const struct sv_camera *camera, const double planes[5][4],
+                              const struct sv_tree_draw_options *options, struct sv_cull_list *list,
+                              struct sv_error *error)
+{
+    if (list->room < forest->count) {
+        struct sv_cull_entry *made = malloc(2 * (size_t)forest->count * sizeof *made);
+        if (!made)
+            return sv_fail(error, SV_ENOMEM, "forest", "no memory to sort %u trees", forest->count);
+        sv_cull_list_finish(list);
+        *list = (struct sv_cull_list){.entries = made, .swap = made + forest->count, .room = forest->count};
+    }
+    list->polygon_count = list->impostor_count = 0;
+    list->triangles = 0;
+    if (forest->node_count > 0)
+        walk(forest, species, camera, planes, list);
+    list->culled = forest->count - list->impostor_count;
+    sort_near_first(list);
+    choose(forest, species, camera, options, list);
+    return SV_OK;
+}
+
+void sv_cull_list_finish(struct sv_cull_list *list)
+{
+    /* Both halves are one block; sorting swaps them. */
+    free(list->entries < list->swap ? list->entries : list->swap);
+    *list = (struct sv_cull_list){0};
+}

@@ -1,0 +1,499 @@
+/* draw_impostor.c - see draw_impostor.h.
+ *
+ * Level of detail: each tree names its mip level itself, from its size in the picture, so that a quad is as
+ * sharp as its frame allows whatever its shape. A quad covers the texels of that level that hold anything and
+ * half a texel more: the shader lets coverage fade to 0 there as if the frame stood on an empty border. A
+ * tree smaller than the last level's texel is drawn larger and thinner, so that its share of the picture
+ * stays right however small it is. */
+#include "core/tree/draw_impostor.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/color.h"
+#include "core/gl/context.h"
+#include "core/gl/functions.h"
+#include "core/gl/program.h"
+#include "core/scene/id.h"
+#include "core/tree/impostor.h"
+
+enum {
+    AT_PLACE,
+    AT_CELL,
+    AT_FRAME,
+    AT_LIGHT,
+    AT_UP,
+    AT_RIGHT,
+    AT_TOP,
+    AT_ID
+}; /* locations in tree_quad.vert */
+enum { UNIT_ALBEDO = 0, UNIT_NORMAL = 1 };
+enum { LAST_LEVEL = SV_IMPOSTOR_LEVELS - 1 };
+
+/* All atlases together stay below this many bytes: levels from the fine end are left out when species are
+ * many. */
+static const size_t ATLAS_BUDGET_BYTES = (size_t)256 << 20;
+
+struct quad_vertex {
+    float place[3];           /* eye-relative, m */
+    float cell[2];            /* s, t in the frame's cell */
+    float frame[4];           /* the cell's corner in the atlas, 0..1; layer; level */
+    float light[4];           /* direction to the sun in the frame's axes; coverage factor */
+    float up[4];              /* world up in the frame's axes (up, toward); translucency; spread */
+    int16_t right[4], top[4]; /* the frame's axes in the world, unit * 32767 */
+    uint32_t id;
+};
+
+struct species_quads {
+    struct sv_impostor_frame *frames; /* heap, owner's; NULL: not built */
+    float translucency, spread;
+    int owner, layer;
+    const struct sv_tree_mesh *mesh;
+};
+
+struct sv_quad_draw {
+    int species_count, layers, first_level;
+    struct species_quads *species;
+    GLuint soft, hard; /* programs */
+    GLuint albedo, normal, array, vertices, indices;
+    uint32_t room; /* quads that the buffers hold */
+};
+
+/* ---- building ---- */
+
+static enum sv_status obtain(const struct sv_tree_draw_species *species, struct sv_store *store,
+                             struct sv_impostor *impostor, struct sv_error *error)
+{
+    void *data;
+    size_t bytes;
+    struct sv_error ignored;
+    if (sv_store_get(store, SV_IMPOSTOR_KIND, species->key, &data, &bytes, &ignored) == SV_OK) {
+        enum sv_status status = sv_impostor_load(data, bytes, impostor, &ignored);
+        free(data);
+        if (status == SV_OK || status == SV_ENOMEM)
+            return status == SV_OK ? SV_OK : sv_fail(error, status, ignored.field, "%s", ignored.message);
+    }
+    enum sv_status status = sv_impostor_bake(species->mesh, impostor, error);
+    if (status == SV_OK && store && sv_impostor_save(impostor, &data, &bytes, &ignored) == SV_OK) {
+        sv_store_put(store, SV_IMPOSTOR_KIND, species->key, data, bytes, &ignored);
+        free(data);
+    }
+    return status;
+}
+
+enum sv_status sv_tree_impostor_prepare(const struct sv_tree_draw_species *species, struct sv_store *store,
+                                        struct sv_error *error)
+{
+    struct sv_impostor impostor = {0};
+    sv_color_init();
+    enum sv_status status = obtain(species, store, &impostor, error);
+    sv_impostor_finish(&impostor);
+    return status;
+}
+
+static size_t layer_bytes(int first_level)
+{
+    size_t bytes = 0;
+    for (int k = first_level; k < SV_IMPOSTOR_LEVELS; k++)
+        bytes += 2 * 4 * (size_t)(SV_IMPOSTOR_SIDE >> k) * (size_t)(SV_IMPOSTOR_SIDE >> k);
+    return bytes;
+}
+
+static GLuint make_array(const struct sv_quad_draw *draw, GLenum format)
+{
+    GLuint name;
+    int side = SV_IMPOSTOR_SIDE >> draw->first_level;
+    gl.GenTextures(1, &name);
+    gl.BindTexture(GL_TEXTURE_2D_ARRAY, name);
+    gl.TexStorage3D(GL_TEXTURE_2D_ARRAY, SV_IMPOSTOR_LEVELS - draw->first_level, format, side, side,
+                    draw->layers);
+    gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    return name;
+}
+
+static void upload_levels(const struct sv_quad_draw *draw, int layer, const struct sv_impostor_levels *levels)
+{
+    for (int k = draw->first_level; k < SV_IMPOSTOR_LEVELS; k++) {
+        int side = SV_IMPOSTOR_SIDE >> k, level = k - draw->first_level;
+        gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->albedo);
+        gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, side, side, 1, GL_RGBA, GL_UNSIGNED_BYTE,
+                         levels->albedo[k]);
+        gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->normal);
+        gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, side, side, 1, GL_RGBA, GL_UNSIGNED_BYTE,
+                         levels->normal[k]);
+    }
+}
+
+static enum sv_status build_species(const struct sv_quad_draw *draw,
+                                    const struct sv_tree_draw_species *species, struct sv_store *store,
+                                    struct species_quads *s, struct sv_error *error)
+{
+    struct sv_impostor impostor = {0};
+    struct sv_impostor_levels levels = {{0}, {0}};
+    enum sv_status status = obtain(species, store, &impostor, error);
+    if (!status)
+        status = sv_impostor_levels_init(&impostor, &levels, error);
+    if (!status) {
+        s->frames = malloc(sizeof impostor.frames);
+        if (!s->frames)
+            status = sv_fail(error, SV_ENOMEM, "impostor", "no memory for %zu bytes", sizeof impostor.frames);
+    }
+    if (!status) {
+        memcpy(s->frames, impostor.frames, sizeof impostor.frames);
+        s->translucency = impostor.translucency;
+        s->spread = impostor.spread;
+        upload_levels(draw, s->layer, &levels);
+    }
+    sv_impostor_levels_finish(&levels);
+    sv_impostor_finish(&impostor);
+    return status;
+}
+
+/* Numbers the layers: one a mesh. */
+static void plan_layers(struct sv_quad_draw *draw, const struct sv_tree_draw_species *species)
+{
+    for (int k = 0; k < draw->species_count; k++) {
+        struct species_quads *s = &draw->species[k];
+        s->owner = k;
+        if (species[k].tree_count == 0)
+            continue;
+        s->mesh = species[k].mesh;
+        for (int i = k - 1; i >= 0; i--)
+            s->owner = draw->species[i].mesh == s->mesh ? i : s->owner;
+        s->layer = s->owner == k ? draw->layers++ : draw->species[s->owner].layer;
+    }
+    while (draw->first_level < LAST_LEVEL - 3 &&
+           (size_t)draw->layers * layer_bytes(draw->first_level) > ATLAS_BUDGET_BYTES)
+        draw->first_level++;
+}
+
+static void make_vertex_array(struct sv_quad_draw *draw)
+{
+    static const struct {
+        GLint size;
+        GLenum type;
+        GLboolean normalized;
+        size_t offset;
+    } rows[] = {
+        [AT_PLACE] = {3, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, place)},
+        [AT_CELL] = {2, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, cell)},
+        [AT_FRAME] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, frame)},
+        [AT_LIGHT] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, light)},
+        [AT_UP] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, up)},
+        [AT_RIGHT] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, right)},
+        [AT_TOP] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, top)},
+    };
+    gl.GenVertexArrays(1, &draw->array);
+    gl.GenBuffers(1, &draw->vertices);
+    gl.GenBuffers(1, &draw->indices);
+    gl.BindVertexArray(draw->array);
+    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, draw->indices);
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->vertices);
+    for (GLuint k = 0; k < sizeof rows / sizeof rows[0]; k++) {
+        gl.EnableVertexAttribArray(k);
+        gl.VertexAttribPointer(k, rows[k].size, rows[k].type, rows[k].normalized, sizeof(struct quad_vertex),
+                               (const void *)rows[k].offset);
+    }
+    gl.EnableVertexAttribArray(AT_ID);
+    gl.VertexAttribIPointer(AT_ID, 1, GL_UNSIGNED_INT, sizeof(struct quad_vertex),
+                            (const void *)offsetof(struct quad_vertex, id));
+    gl.BindVertexArray(0);
+}
+
+enum sv_status sv_quad_draw_create(const struct sv_tree_draw_species *species, int species_count,
+                                   struct sv_store *store, struct sv_quad_draw **out, struct sv_error *error)
+{
+    struct sv_quad_draw *draw = calloc(1, sizeof *draw);
+    if (draw)
+        draw->species = calloc((size_t)species_count + 1, sizeof *draw->species);
+    if (!draw || !draw->species) {
+        free(draw);
+        return sv_fail(error, SV_ENOMEM, "species", "no memory to draw %d species", species_count);
+    }
+    draw->species_count = species_count;
+    plan_layers(draw, species);
+    enum sv_status status =
+        sv_gl_program_create("tree_quad.vert", "tree_quad.frag", NULL, &draw->soft, error);
+    if (!status)
+        status = sv_gl_program_create("tree_quad.vert", "tree_quad_hard.frag", "#define HARD 1\n",
+                                      &draw->hard, error);
+    if (status)
+        goto fail;
+    make_vertex_array(draw);
+    if (draw->layers > 0) {
+        draw->albedo = make_array(draw, GL_SRGB8_ALPHA8);
+        draw->normal = make_array(draw, GL_RGBA8);
+    }
+    for (int k = 0; !status && k < species_count; k++)
+        if (draw->species[k].mesh && draw->species[k].owner == k)
+            status = build_species(draw, &species[k], store, &draw->species[k], error);
+    if (!status)
+        status = sv_gl_check("uploading tree impostors", error);
+    if (status)
+        goto fail;
+    *out = draw;
+    return SV_OK;
+fail:
+    sv_quad_draw_destroy(draw);
+    return status;
+}
+
+void sv_quad_draw_destroy(struct sv_quad_draw *draw)
+{
+    if (!draw)
+        return;
+    for (int k = 0; k < draw->species_count; k++)
+        free(draw->species[k].frames);
+    gl.DeleteTextures(1, &draw->albedo);
+    gl.DeleteTextures(1, &draw->normal);
+    gl.DeleteVertexArrays(1, &draw->array);
+    gl.DeleteBuffers(1, &draw->vertices);
+    gl.DeleteBuffers(1, &draw->indices);
+    gl.DeleteProgram(draw->soft);
+    gl.DeleteProgram(draw->hard);
+    free(draw->species);
+    free(draw);
+}
+
+size_t sv_quad_draw_bytes(const struct sv_quad_draw *draw, int species)
+{
+    const struct species_quads *s = &draw->species[species];
+    return s->mesh ? layer_bytes(draw->first_level) + sizeof(((struct sv_impostor *)0)->frames) : 0;
+}
+
+/* ---- drawing ---- */
+
+/* What is the same for all trees of a view. */
+struct view {
+    struct sv_vec3 eye;
+    float forward[3], to_sun[3];
+    float focal_px, near_m;
+    bool orthographic;
+    int first_level;
+};
+
+static float dot3(const float a[3], const float b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Model space to world axes: sv_rotate_clockwise with c, s at hand. */
+static void turn(float c, float s, const float p[3], float out[3])
+{
+    out[0] = c * p[0] + s * p[1];
+    out[1] = c * p[1] - s * p[0];
+    out[2] = p[2];
+}
+
+struct detail {
+    int level;
+    float inflate; /* >= 1: sides of a tree below the last level's size are this much longer */
+};
+
+/* pixels: of the picture, a model unit. */
+static struct detail choose_detail(const struct sv_impostor_frame *f, float pixels, int first_level)
+{
+    float texels_a_px = f->texels / fmaxf(pixels, 1e-12f);
+    struct detail d = {first_level, 1};
+    float side = exp2f((float)LAST_LEVEL + 0.5f);
+    while (d.level < LAST_LEVEL && texels_a_px > exp2f((float)d.level + 0.5f))
+        d.level++;
+    if (texels_a_px > side)
+        d.inflate = texels_a_px / side;
+    return d;
+}
+
+/* The part of the cell that a quad covers, s or t: whole texels of the level, and half a texel around. */
+static void cover(float lo, float hi, int level, float inflate, float out[2])
+{
+    float texels = (float)(SV_IMPOSTOR_CELL >> level);
+    float a = (floorf(lo * texels) - 0.5f) / texels, b = (ceilf(hi * texels) + 0.5f) / texels;
+    float middle = 0.5f * (a + b), half = 0.5f * (b - a) * inflate;
+    out[0] = middle - half;
+    out[1] = middle + half;
+}
+
+static void put_axis(const float v[3], int16_t out[4])
+{
+    for (int c = 0; c < 3; c++)
+        out[c] = (int16_t)(32767.0f * v[c]);
+    out[3] = 0;
+}
+
+static void put_corners(const struct sv_impostor_frame *f, const float foot[3], float h, float c, float s,
+                        struct detail detail, struct quad_vertex *q)
+{
+    float cs[2], ct[2], edge_s[2], edge_t[2], origin[3], along_s[3], along_t[3];
+    cover(f->s_min, f->s_max, detail.level, 1, cs);
+    cover(f->t_min, f->t_max, detail.level, 1, ct);
+    cover(f->s_min, f->s_max, detail.level, detail.inflate, edge_s);
+    cover(f->t_min, f->t_max, detail.level, detail.inflate, edge_t);
+    turn(c, s, f->origin, origin);
+    turn(c, s, f->along_s, along_s);
+    turn(c, s, f->along_t, along_t);
+    for (int k = 0; k < 4; k++) {
+        int i = k & 1, j = k >> 1;
+        for (int a = 0; a < 3; a++)
+            q[k].place[a] = foot[a] + h * (origin[a] + edge_s[i] * along_s[a] + edge_t[j] * along_t[a]);
+        q[k].cell[0] = cs[i];
+        q[k].cell[1] = ct[j];
+    }
+}
+
+/* Writes the four vertices of a tree; false when there is nothing to see. */
+static bool put_quad(const struct view *view, const struct species_quads *s,
+                     const struct species_quads *owner, const struct sv_tree *tree, struct quad_vertex *q)
+{
+    float h = tree->height_m, c = cosf(tree->rotation_rad), n = sinf(tree->rotation_rad);
+    float foot[3] = {(float)(tree->x - view->eye.x), (float)(tree->y - view->eye.y),
+                     (float)(tree->z - view->eye.z)};
+    float middle[3] = {foot[0], foot[1], foot[2] + 0.5f * h}, to_eye[3], model[3];
+    for (int a = 0; a < 3; a++)
+        to_eye[a] = view->orthographic ? -view->forward[a] : -middle[a];
+    turn(c, -n, to_eye, model);
+    int index = sv_impostor_nearest(model[0], model[1], model[2]);
+    const struct sv_impostor_frame *f = &owner->frames[index];
+    if (!(f->s_min < f->s_max))
+        return false;
+    float depth = fmaxf(dot3(middle, view->forward), view->near_m);
+    float pixels = h * view->focal_px / (view->orthographic ? 1 : depth);
+    struct detail detail = choose_detail(f, pixels, view->first_level);
+    put_corners(f, foot, h, c, n, detail, q);
+    float right[3], up[3], toward[3];
+    turn(c, n, f->right, right);
+    turn(c, n, f->up, up);
+    turn(c, n, f->toward, toward);
+    q[0].frame[0] = (float)(index % SV_IMPOSTOR_GRID) / SV_IMPOSTOR_GRID;
+    q[0].frame[1] = (float)(index / SV_IMPOSTOR_GRID) / SV_IMPOSTOR_GRID;
+    q[0].frame[2] = (float)s->layer;
+    q[0].frame[3] = (float)(detail.level - view->first_level);
+    q[0].light[0] = dot3(view->to_sun, right);
+    q[0].light[1] = dot3(view->to_sun, up);
+    q[0].light[2] = dot3(view->to_sun, toward);
+    q[0].light[3] = 1 / (detail.inflate * detail.inflate);
+    q[0].up[0] = up[2];
+    q[0].up[1] = toward[2];
+    q[0].up[2] = owner->translucency;
+    q[0].up[3] = (float)(SV_IMPOSTOR_CELL >> detail.level);
+    put_axis(right, q[0].right);
+    put_axis(up, q[0].top);
+    q[0].id = SV_ID_TREE_FIRST + tree->number;
+    for (int k = 1; k < 4; k++)
+        memcpy(q[k].frame, q[0].frame, sizeof *q - offsetof(struct quad_vertex, frame));
+    return true;
+}
+
+/* Indices for `room` quads, twice: in order, then in reverse. */
+static enum sv_status make_room(struct sv_quad_draw *draw, uint32_t count, struct sv_error *error)
+{
+    if (draw->room >= count)
+        return SV_OK;
+    uint32_t room = 1024;
+    while (room < count)
+        room *= 2;
+    uint32_t *indices = malloc(12 * (size_t)room * sizeof *indices);
+    if (!indices)
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory to draw %u trees", count);
+    static const uint32_t corner[6] = {0, 1, 2, 2, 1, 3};
+    for (uint32_t k = 0; k < room; k++)
+        for (uint32_t i = 0; i < 6; i++) {
+            indices[6 * (size_t)k + i] = 4 * k + corner[i];
+            indices[6 * (size_t)(2 * room - 1 - k) + i] = 4 * k + corner[i];
+        }
+    gl.BindVertexArray(draw->array);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)(12 * (size_t)room * sizeof *indices), indices,
+                  GL_STATIC_DRAW);
+    free(indices);
+    draw->room = room;
+    return sv_gl_check("making room for tree impostors", error);
+}
+
+static enum sv_status fill_quads(struct sv_quad_draw *draw, const struct sv_gl_frame *frame,
+                                 const struct sv_tree *trees, const struct sv_cull_entry *entries,
+                                 uint32_t count, uint32_t *quads, struct sv_error *error)
+{
+    const struct sv_camera *camera = &frame->camera;
+    struct view view = {
+        .eye = camera->eye,
+        .forward = {(float)camera->forward.x, (float)camera->forward.y, (float)camera->forward.z},
+        .to_sun = {(float)frame->light.to_sun.x, (float)frame->light.to_sun.y, (float)frame->light.to_sun.z},
+        .focal_px = (float)sv_camera_focal_px(camera),
+        .near_m = (float)camera->near_m,
+        .orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC,
+        .first_level = draw->first_level};
+    GLsizeiptr bytes = (GLsizeiptr)(count * 4 * sizeof(struct quad_vertex));
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->vertices);
+    gl.BufferData(GL_ARRAY_BUFFER, bytes, NULL, GL_STREAM_DRAW);
+    struct quad_vertex *q =
+        gl.MapBufferRange(GL_ARRAY_BUFFER, 0, bytes, GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
+    if (!q)
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory to draw %u trees", count);
+    uint32_t made = 0;
+    for (uint32_t k = 0; k < count; k++) {
+        const struct sv_tree *tree = &trees[entries[k].tree];
+        const struct species_quads *s = &draw->species[tree->species];
+        made += s->mesh && put_quad(&view, s, &draw->species[s->owner], tree, q + 4 * (size_t)made);
+    }
+    gl.UnmapBuffer(GL_ARRAY_BUFFER);
+    *quads = made;
+    return SV_OK;
+}
+
+/* Colour, farthest first, tested against depth but leaving it. */
+static void draw_soft(const struct sv_quad_draw *draw, uint32_t quads)
+{
+    gl.UseProgram(draw->soft);
+    gl.Enablei(GL_BLEND, 0);
+    gl.BlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    gl.ColorMaski(1, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    gl.ColorMaski(2, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    gl.DepthMask(GL_FALSE);
+    gl.DrawElements(GL_TRIANGLES, (GLsizei)(6 * quads), GL_UNSIGNED_INT, NULL);
+    gl.Disablei(GL_BLEND, 0);
+    gl.DepthMask(GL_TRUE);
+    gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+/* Depth, id and normal, nearest first. */
+static void draw_hard(const struct sv_quad_draw *draw, uint32_t quads)
+{
+    size_t first = 6 * (size_t)(2 * draw->room - quads);
+    gl.UseProgram(draw->hard);
+    gl.ColorMaski(0, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    gl.DrawElements(GL_TRIANGLES, (GLsizei)(6 * quads), GL_UNSIGNED_INT,
+                    (const void *)(first * sizeof(uint32_t)));
+    gl.ColorMaski(0, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+enum sv_status sv_quad_draw_trees(struct sv_quad_draw *draw, const struct sv_gl_frame *frame,
+                                  const struct sv_tree *trees, const struct sv_cull_entry *entries,
+                                  uint32_t count, bool soft_only, struct sv_error *error)
+{
+    if (count == 0)
+        return SV_OK;
+    uint32_t quads = 0;
+    enum sv_status status = make_room(draw, count, error);
+    if (!status)
+        status = fill_quads(draw, frame, trees, entries, count, &quads, error);
+    if (status || quads == 0)
+        return status;
+    GLint color = GL_NONE;
+    gl.GetIntegerv(GL_DRAW_BUFFER0, &color);
+    gl.Disable(GL_CULL_FACE);
+    gl.BindVertexArray(draw->array);
+    gl.ActiveTexture(GL_TEXTURE0 + UNIT_NORMAL);
+    gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->normal);
+    gl.ActiveTexture(GL_TEXTURE0 + UNIT_ALBEDO);
+    gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->albedo);
+    if (color != GL_NONE)
+        draw_soft(draw, quads);
+    if (!soft_only)
+        draw_hard(draw, quads);
+    gl.BindVertexArray(0);
+    return sv_gl_check("drawing tree impostors", error);
+}

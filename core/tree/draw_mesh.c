@@ -1,0 +1,282 @@
+/* draw_mesh.c - see draw_mesh.h.
+ *
+ * The list comes nearest first over all species. It is cut into groups of 8, 16, 32 ... trees; inside a group
+ * trees are gathered by species and drawn with one call a material. So what hides most is drawn first, and
+ * the number of calls grows with the logarithm of the count. Alpha and colour come from level 0 of the
+ * texture: exactly the rule of mesh.h, which the ray-cast truth follows too (supersampling, not mip levels,
+ * makes it smooth). */
+#include "core/tree/draw_mesh.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/gl/context.h"
+#include "core/gl/functions.h"
+#include "core/gl/program.h"
+#include "core/scene/id.h"
+
+enum { GROUP_FIRST = 8 };
+enum {
+    AT_POSITION,
+    AT_NORMAL,
+    AT_OCCLUSION,
+    AT_UV,
+    AT_PLACE,
+    AT_TURN,
+    AT_ID
+};                                   /* locations in tree_mesh.vert */
+enum { UNIFORM_BASE, UNIFORM_LEAF }; /* locations in tree_mesh.frag */
+enum { UNIT_ALBEDO = 0 };
+
+/* What the vertex shader needs to know of a tree. */
+struct instance {
+    float place[4]; /* eye-relative foot, m; height, m */
+    float turn[2];  /* cos, sin of the rotation */
+    uint32_t id, reserved;
+};
+
+struct species_mesh {
+    const struct sv_tree_mesh *mesh; /* NULL: not built */
+    int owner;                       /* index of the species that owns the GL names */
+    GLuint array, vertices, indices;
+    GLuint textures[SV_TREE_MATERIALS_MAX]; /* 0: the white one */
+    size_t bytes;
+};
+
+struct sv_mesh_draw {
+    int species_count;
+    struct species_mesh *species;
+    GLuint plain, masked; /* programs */
+    GLuint white, instances;
+    struct instance *staging; /* heap */
+    uint32_t room;
+};
+
+static GLuint make_texture(int width, int height, const void *rgba)
+{
+    GLuint name;
+    gl.GenTextures(1, &name);
+    gl.BindTexture(GL_TEXTURE_2D, name);
+    gl.TexStorage2D(GL_TEXTURE_2D, 1, GL_SRGB8_ALPHA8, width, height);
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    return name;
+}
+
+static void attribute(GLuint at, GLint size, GLenum type, GLboolean normalized, size_t stride, size_t offset)
+{
+    gl.EnableVertexAttribArray(at);
+    gl.VertexAttribPointer(at, size, type, normalized, (GLsizei)stride, (const void *)offset);
+}
+
+static void set_instance_attributes(const struct sv_mesh_draw *draw)
+{
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->instances);
+    attribute(AT_PLACE, 4, GL_FLOAT, GL_FALSE, sizeof(struct instance), offsetof(struct instance, place));
+    attribute(AT_TURN, 2, GL_FLOAT, GL_FALSE, sizeof(struct instance), offsetof(struct instance, turn));
+    gl.EnableVertexAttribArray(AT_ID);
+    gl.VertexAttribIPointer(AT_ID, 1, GL_UNSIGNED_INT, sizeof(struct instance),
+                            (const void *)offsetof(struct instance, id));
+    for (GLuint at = AT_PLACE; at <= AT_ID; at++)
+        gl.VertexAttribDivisor(at, 1);
+}
+
+static void upload(const struct sv_mesh_draw *draw, struct species_mesh *s)
+{
+    const struct sv_tree_mesh *mesh = s->mesh;
+    size_t vertex_bytes = mesh->vertex_count * sizeof *mesh->vertices;
+    size_t index_bytes = mesh->index_count * sizeof *mesh->indices;
+    gl.GenVertexArrays(1, &s->array);
+    gl.GenBuffers(1, &s->vertices);
+    gl.GenBuffers(1, &s->indices);
+    gl.BindVertexArray(s->array);
+    gl.BindBuffer(GL_ARRAY_BUFFER, s->vertices);
+    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)vertex_bytes, mesh->vertices, GL_STATIC_DRAW);
+    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)index_bytes, mesh->indices, GL_STATIC_DRAW);
+    size_t stride = sizeof(struct sv_tree_vertex);
+    attribute(AT_POSITION, 3, GL_FLOAT, GL_FALSE, stride, offsetof(struct sv_tree_vertex, position));
+    attribute(AT_NORMAL, 3, GL_SHORT, GL_TRUE, stride, offsetof(struct sv_tree_vertex, normal));
+    attribute(AT_OCCLUSION, 1, GL_UNSIGNED_SHORT, GL_TRUE, stride,
+              offsetof(struct sv_tree_vertex, occlusion));
+    attribute(AT_UV, 2, GL_FLOAT, GL_FALSE, stride, offsetof(struct sv_tree_vertex, uv));
+    set_instance_attributes(draw);
+    gl.BindVertexArray(0);
+    s->bytes = vertex_bytes + index_bytes;
+    for (int m = 0; m < mesh->material_count; m++) {
+        const struct sv_image *albedo = &mesh->materials[m].albedo;
+        if (!albedo->data)
+            continue;
+        s->textures[m] = make_texture(albedo->width, albedo->height, albedo->data);
+        s->bytes += sv_image_bytes(albedo);
+    }
+}
+
+static int find_owner(const struct sv_mesh_draw *draw, int k)
+{
+    for (int i = 0; i < k; i++)
+        if (draw->species[i].mesh == draw->species[k].mesh)
+            return i;
+    return k;
+}
+
+enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_species *species, int species_count,
+                                   struct sv_mesh_draw **out, struct sv_error *error)
+{
+    static const uint8_t white[4] = {255, 255, 255, 255};
+    struct sv_mesh_draw *draw = calloc(1, sizeof *draw);
+    if (draw)
+        draw->species = calloc((size_t)species_count + 1, sizeof *draw->species);
+    if (!draw || !draw->species) {
+        free(draw);
+        return sv_fail(error, SV_ENOMEM, "species", "no memory to draw %d species", species_count);
+    }
+    draw->species_count = species_count;
+    enum sv_status status =
+        sv_gl_program_create("tree_mesh.vert", "tree_mesh.frag", NULL, &draw->plain, error);
+    if (!status)
+        status = sv_gl_program_create("tree_mesh.vert", "tree_mesh.frag", "#define MASKED 1\n", &draw->masked,
+                                      error);
+    if (status)
+        goto fail;
+    draw->white = make_texture(1, 1, white);
+    gl.GenBuffers(1, &draw->instances);
+    for (int k = 0; k < species_count; k++) {
+        if (species[k].tree_count == 0)
+            continue;
+        draw->species[k].mesh = species[k].mesh;
+        draw->species[k].owner = find_owner(draw, k);
+        if (draw->species[k].owner == k)
+            upload(draw, &draw->species[k]);
+    }
+    status = sv_gl_check("uploading tree meshes", error);
+    if (status)
+        goto fail;
+    *out = draw;
+    return SV_OK;
+fail:
+    sv_mesh_draw_destroy(draw);
+    return status;
+}
+
+void sv_mesh_draw_destroy(struct sv_mesh_draw *draw)
+{
+    if (!draw)
+        return;
+    for (int k = 0; k < draw->species_count; k++) {
+        struct species_mesh *s = &draw->species[k];
+        gl.DeleteVertexArrays(1, &s->array);
+        gl.DeleteBuffers(1, &s->vertices);
+        gl.DeleteBuffers(1, &s->indices);
+        gl.DeleteTextures(SV_TREE_MATERIALS_MAX, s->textures);
+    }
+    gl.DeleteTextures(1, &draw->white);
+    gl.DeleteBuffers(1, &draw->instances);
+    gl.DeleteProgram(draw->plain);
+    gl.DeleteProgram(draw->masked);
+    free(draw->staging);
+    free(draw->species);
+    free(draw);
+}
+
+size_t sv_mesh_draw_bytes(const struct sv_mesh_draw *draw, int species)
+{
+    const struct species_mesh *s = &draw->species[species];
+    return s->mesh ? draw->species[s->owner].bytes : 0;
+}
+
+static void put_instance(struct instance *i, const struct sv_tree *tree, struct sv_vec3 eye)
+{
+    i->place[0] = (float)(tree->x - eye.x);
+    i->place[1] = (float)(tree->y - eye.y);
+    i->place[2] = (float)(tree->z - eye.z);
+    i->place[3] = tree->height_m;
+    i->turn[0] = cosf(tree->rotation_rad);
+    i->turn[1] = sinf(tree->rotation_rad);
+    i->id = SV_ID_TREE_FIRST + tree->number;
+    i->reserved = 0;
+}
+
+static void draw_run(const struct sv_mesh_draw *draw, const struct species_mesh *s, uint32_t first,
+                     uint32_t count)
+{
+    gl.BindVertexArray(s->array);
+    for (int m = 0; m < s->mesh->material_count; m++) {
+        const struct sv_tree_material *material = &s->mesh->materials[m];
+        if (material->index_count == 0)
+            continue;
+        bool masked = material->masked && s->textures[m];
+        gl.UseProgram(masked ? draw->masked : draw->plain);
+        gl.BindTexture(GL_TEXTURE_2D, s->textures[m] ? s->textures[m] : draw->white);
+        gl.Uniform4fv(UNIFORM_BASE, 1, material->base_color);
+        gl.Uniform2f(UNIFORM_LEAF, material->alpha_cutoff, material->is_leaf ? material->translucency : 0);
+        gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)material->index_count, GL_UNSIGNED_INT,
+                                             (const void *)((size_t)material->first_index * sizeof(uint32_t)),
+                                             (GLsizei)count, first);
+    }
+}
+
+/* Where each species' trees of the group entries[0 .. count) begin in the staging: counting sort, order kept.
+ */
+static void draw_group(const struct sv_mesh_draw *draw, const struct sv_tree *trees,
+                       const struct sv_cull_entry *entries, uint32_t count, uint32_t base)
+{
+    uint32_t at = base;
+    for (int k = 0; k < draw->species_count; k++) {
+        const struct species_mesh *s = &draw->species[k];
+        uint32_t run = 0;
+        for (uint32_t i = 0; i < count; i++)
+            run += trees[entries[i].tree].species == k;
+        if (run && s->mesh)
+            draw_run(draw, &draw->species[s->owner], at, run);
+        at += run;
+    }
+}
+
+static void stage_group(struct sv_mesh_draw *draw, const struct sv_tree *trees,
+                        const struct sv_cull_entry *entries, uint32_t count, uint32_t base,
+                        struct sv_vec3 eye)
+{
+    uint32_t at = base;
+    for (int k = 0; k < draw->species_count; k++)
+        for (uint32_t i = 0; i < count; i++)
+            if (trees[entries[i].tree].species == k)
+                put_instance(&draw->staging[at++], &trees[entries[i].tree], eye);
+}
+
+static uint32_t group_size(uint32_t base, uint32_t count)
+{
+    uint32_t size = base + GROUP_FIRST; /* doubles what came before */
+    return size < count - base ? size : count - base;
+}
+
+enum sv_status sv_mesh_draw_trees(struct sv_mesh_draw *draw, const struct sv_gl_frame *frame,
+                                  const struct sv_tree *trees, const struct sv_cull_entry *entries,
+                                  uint32_t count, struct sv_error *error)
+{
+    if (count == 0)
+        return SV_OK;
+    if (draw->room < count) {
+        struct instance *grown = realloc(draw->staging, count * sizeof *grown);
+        if (!grown)
+            return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u instances", count);
+        draw->staging = grown;
+        draw->room = count;
+    }
+    for (uint32_t base = 0; base < count; base += group_size(base, count))
+        stage_group(draw, trees, entries + base, group_size(base, count), base, frame->camera.eye);
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->instances);
+    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(count * sizeof *draw->staging), draw->staging,
+                  GL_STREAM_DRAW);
+    gl.Disable(GL_CULL_FACE);
+    gl.ActiveTexture(GL_TEXTURE0 + UNIT_ALBEDO);
+    for (uint32_t base = 0; base < count; base += group_size(base, count))
+        draw_group(draw, trees, entries + base, group_size(base, count), base);
+    gl.BindVertexArray(0);
+    return sv_gl_check("drawing tree polygons", error);
+}

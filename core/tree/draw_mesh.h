@@ -1,0 +1,26 @@
+/* draw_mesh.h - tree polygons by GL: meshes uploaded once a species, drawn instanced, nearest first. Private
+ * to core/tree. */
+#ifndef SV_TREE_DRAW_MESH_H
+#define SV_TREE_DRAW_MESH_H
+
+#include "core/gl/frame.h"
+#include "core/tree/draw.h"
+#include "core/tree/draw_cull.h"
+
+struct sv_mesh_draw;
+
+/* Uploads the meshes of the species whose tree_count is not 0; species that share a mesh share the upload.
+ * Borrows the meshes for life. SV_ENOMEM, SV_EINTERNAL. */
+SV_MUST_CHECK enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_species *species,
+                                                 int species_count, struct sv_mesh_draw **draw,
+                                                 struct sv_error *error);
+void sv_mesh_draw_destroy(struct sv_mesh_draw *draw); /* NULL is legal */
+/* Draws entries[0 .. count) of trees. */
+SV_MUST_CHECK enum sv_status sv_mesh_draw_trees(struct sv_mesh_draw *draw, const struct sv_gl_frame *frame,
+                                                const struct sv_tree *trees,
+                                                const struct sv_cull_entry *entries, uint32_t count,
+                                                struct sv_error *error);
+/* GL bytes of a species: vertices, indices, textures. */
+size_t sv_mesh_draw_bytes(const struct sv_mesh_draw *draw, int species);
+
+#endif

@@ -1,0 +1,211 @@
+/* impostor.c - the frames' directions, the choice among them, the block of bytes in the store, and the mip
+ * levels. */
+#include "core/tree/impostor.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/color.h"
+
+/* Rings by elevation, from the horizon up. Counts and gaps were chosen by hand: the densest where forests are
+ * seen. */
+static const struct ring {
+    float elevation_deg;
+    int count, first;
+} rings[] = {
+    {0, 14, 0}, {10, 14, 14}, {24, 12, 28}, {42, 10, 40}, {60, 8, 50}, {76, 5, 58}, {90, 1, 63},
+};
+enum { RINGS = sizeof rings / sizeof rings[0] };
+
+static const float RADIAN = (float)(SV_PI / 180.0);
+static const float TURN = (float)(2 * SV_PI);
+
+void sv_impostor_direction(int frame, float direction[3])
+{
+    int k = 0;
+    while (k < RINGS - 1 && frame >= rings[k + 1].first)
+        k++;
+    float elevation = rings[k].elevation_deg * RADIAN;
+    float azimuth = TURN * ((float)(frame - rings[k].first) + 0.5f * (float)(k & 1)) / (float)rings[k].count;
+    float c = k == RINGS - 1 ? 0 : cosf(elevation);
+    direction[0] = c * cosf(azimuth);
+    direction[1] = c * sinf(azimuth);
+    direction[2] = k == RINGS - 1 ? 1 : sinf(elevation);
+}
+
+int sv_impostor_nearest(float x, float y, float z)
+{
+    float across = sqrtf(x * x + y * y);
+    if (!(across < INFINITY) || !(fabsf(z) < INFINITY) || !(across > 0 || fabsf(z) > 0))
+        return 0;
+    float elevation = atan2f(z, across) / RADIAN;
+    int k = 0;
+    while (k < RINGS - 1 && elevation > 0.5f * (rings[k].elevation_deg + rings[k + 1].elevation_deg))
+        k++;
+    float step = TURN / (float)rings[k].count;
+    int i = (int)floorf((atan2f(y, x) + TURN) / step - 0.5f * (float)(k & 1) + 0.5f);
+    return rings[k].first + i % rings[k].count;
+}
+
+void sv_impostor_finish(struct sv_impostor *impostor)
+{
+    free(impostor->albedo);
+    free(impostor->normal);
+    *impostor = (struct sv_impostor){0};
+}
+
+/* ---- the block of bytes ---- */
+
+enum { ATLAS_BYTES = SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE * 4 };
+
+struct blob_header {
+    char magic[8];
+    uint32_t frames, side;
+    float translucency, spread;
+};
+static const char MAGIC[8] = {'S', 'V', 'I', 'M', 'P', 'O', 'S', '1'};
+enum {
+    BLOB_BYTES = sizeof(struct blob_header) + sizeof(((struct sv_impostor *)0)->frames) + 2 * ATLAS_BYTES
+};
+
+enum sv_status sv_impostor_save(const struct sv_impostor *impostor, void **data, size_t *bytes,
+                                struct sv_error *error)
+{
+    unsigned char *made = malloc(BLOB_BYTES), *p = made;
+    if (!made)
+        return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %d bytes", (int)BLOB_BYTES);
+    struct blob_header header = {.frames = SV_IMPOSTOR_FRAMES,
+                                 .side = SV_IMPOSTOR_SIDE,
+                                 .translucency = impostor->translucency,
+                                 .spread = impostor->spread};
+    memcpy(header.magic, MAGIC, sizeof MAGIC);
+    memcpy(p, &header, sizeof header);
+    p += sizeof header;
+    memcpy(p, impostor->frames, sizeof impostor->frames);
+    p += sizeof impostor->frames;
+    memcpy(p, impostor->albedo, ATLAS_BYTES);
+    memcpy(p + ATLAS_BYTES, impostor->normal, ATLAS_BYTES);
+    *data = made;
+    *bytes = BLOB_BYTES;
+    return SV_OK;
+}
+
+static bool frames_sound(const struct sv_impostor_frame *frames)
+{
+    const float *f = (const float *)frames;
+    for (size_t i = 0; i < SV_IMPOSTOR_FRAMES * (sizeof *frames / sizeof(float)); i++)
+        if (!(fabsf(f[i]) <= 1e6f))
+            return false;
+    for (int k = 0; k < SV_IMPOSTOR_FRAMES; k++)
+        if (!(frames[k].texels > 0))
+            return false;
+    return true;
+}
+
+enum sv_status sv_impostor_load(const void *data, size_t bytes, struct sv_impostor *impostor,
+                                struct sv_error *error)
+{
+    const unsigned char *p = data;
+    struct blob_header header;
+    struct sv_impostor made = {0};
+    if (bytes != BLOB_BYTES)
+        return sv_fail(error, SV_EFORMAT, "impostor", "the block has %zu bytes, not %d", bytes,
+                       (int)BLOB_BYTES);
+    memcpy(&header, p, sizeof header);
+    p += sizeof header;
+    memcpy(made.frames, p, sizeof made.frames);
+    p += sizeof made.frames;
+    if (memcmp(header.magic, MAGIC, sizeof MAGIC) || header.frames != SV_IMPOSTOR_FRAMES ||
+        header.side != SV_IMPOSTOR_SIDE || !(header.translucency >= 0 && header.translucency <= 1) ||
+        !(header.spread >= 0 && header.spread <= 4) || !frames_sound(made.frames))
+        return sv_fail(error, SV_EFORMAT, "impostor", "the block is not an impostor of this version");
+    made.translucency = header.translucency;
+    made.spread = header.spread;
+    made.albedo = malloc(ATLAS_BYTES);
+    made.normal = malloc(ATLAS_BYTES);
+    if (!made.albedo || !made.normal) {
+        sv_impostor_finish(&made);
+        return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %d bytes", 2 * ATLAS_BYTES);
+    }
+    memcpy(made.albedo, p, ATLAS_BYTES);
+    memcpy(made.normal, p + ATLAS_BYTES, ATLAS_BYTES);
+    *impostor = made;
+    return SV_OK;
+}
+
+/* ---- mip levels ---- */
+
+/* One texel from its four children in the level above. Cells have 128 texels, so children never straddle two.
+ */
+static void reduce(const struct sv_impostor_levels *levels, int level, int x, int y)
+{
+    int side = SV_IMPOSTOR_SIDE >> level, fine = side * 2;
+    float color[4] = {0}, bits[4] = {0};
+    for (int k = 0; k < 4; k++) {
+        size_t at = 4 * ((size_t)(2 * y + (k >> 1)) * (size_t)fine + (size_t)(2 * x + (k & 1)));
+        const uint8_t *a = levels->albedo[level - 1] + at, *n = levels->normal[level - 1] + at;
+        for (int c = 0; c < 3; c++)
+            color[c] += sv_linear_from_srgb8[a[c]];
+        color[3] += (float)a[3];
+        for (int c = 0; c < 4; c++)
+            bits[c] += (float)a[3] * (float)n[c];
+    }
+    size_t at = 4 * ((size_t)y * (size_t)side + (size_t)x);
+    uint8_t *a = levels->albedo[level] + at, *n = levels->normal[level] + at;
+    for (int c = 0; c < 3; c++)
+        a[c] = sv_srgb8_from_linear(0.25f * color[c]);
+    a[3] = (uint8_t)(0.25f * color[3] + 0.5f);
+    for (int c = 0; c < 4; c++)
+        n[c] = color[3] > 0 ? (uint8_t)(bits[c] / color[3] + 0.5f) : 128;
+    if (color[3] > 0 && a[3] == 0)
+        a[3] = 1; /* still counts as a place with a normal */
+}
+
+/* Gives the texels without coverage the normal of the coarser level. */
+static void dilate(const struct sv_impostor_levels *levels, int level)
+{
+    int side = SV_IMPOSTOR_SIDE >> level, coarse = side / 2;
+    for (int y = 0; y < side; y++)
+        for (int x = 0; x < side; x++) {
+            size_t at = 4 * ((size_t)y * (size_t)side + (size_t)x);
+            if (levels->albedo[level][at + 3] == 0)
+                memcpy(levels->normal[level] + at,
+                       levels->normal[level + 1] + 4 * ((size_t)(y / 2) * (size_t)coarse + (size_t)(x / 2)),
+                       4);
+        }
+}
+
+void sv_impostor_levels_finish(struct sv_impostor_levels *levels)
+{
+    free(levels->albedo[0]); /* one block each */
+    free(levels->normal[0]);
+    *levels = (struct sv_impostor_levels){0};
+}
+
+enum sv_status sv_impostor_levels_init(const struct sv_impostor *impostor, struct sv_impostor_levels *levels,
+                                       struct sv_error *error)
+{
+    size_t total = 0;
+    for (int k = 0; k < SV_IMPOSTOR_LEVELS; k++)
+        total += (size_t)ATLAS_BYTES >> (2 * k);
+    struct sv_impostor_levels made = {{malloc(total)}, {malloc(total)}};
+    if (!made.albedo[0] || !made.normal[0]) {
+        sv_impostor_levels_finish(&made);
+        return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %zu bytes of mip levels", 2 * total);
+    }
+    memcpy(made.albedo[0], impostor->albedo, ATLAS_BYTES);
+    memcpy(made.normal[0], impostor->normal, ATLAS_BYTES);
+    for (int k = 1; k < SV_IMPOSTOR_LEVELS; k++) {
+        made.albedo[k] = made.albedo[k - 1] + ((size_t)ATLAS_BYTES >> (2 * (k - 1)));
+        made.normal[k] = made.normal[k - 1] + ((size_t)ATLAS_BYTES >> (2 * (k - 1)));
+        int side = SV_IMPOSTOR_SIDE >> k;
+        for (int y = 0; y < side; y++)
+            for (int x = 0; x < side; x++)
+                reduce(&made, k, x, y);
+    }
+    for (int k = SV_IMPOSTOR_LEVELS - 2; k >= 0; k--)
+        dilate(&made, k);
+    *levels = made;
+    return SV_OK;
+}
