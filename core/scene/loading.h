@@ -1,0 +1,32 @@
+/* loading.h - what the parts of sv_scene_load share: the scene in the making, and how to tell news and
+ * errors. Private to core/scene. */
+#ifndef SV_SCENE_LOADING_H
+#define SV_SCENE_LOADING_H
+
+#include "core/scene/scene.h"
+
+struct sv_loading {
+    const struct sv_scene_spec *spec;
+    const struct sv_scene_options *options;
+    struct sv_scene *scene;
+    struct sv_errors *errors;
+};
+
+/* One line to the log. */
+void sv_loading_note(const struct sv_loading *l, int level, const char *format, ...) SV_PRINTF(3, 4);
+/* Adds an error under a key path; the message names the scene file, then what error says. */
+void sv_loading_fail(const struct sv_loading *l, const struct sv_error *error, const char *path, ...)
+    SV_PRINTF(3, 4);
+
+/* All trees of the scene file's "forest", heap (caller frees), numbered in order; *trees may be NULL when
+ * there are none. False after an error was added. */
+bool sv_loading_plant(const struct sv_loading *l, struct sv_tree **trees, uint32_t *count);
+
+/* The version of the scene: its spec, its inputs as they lie on disk, and the builders. */
+uint64_t sv_loading_version(const struct sv_loading *l);
+
+/* Hash of a file or folder as an input: path, and names, sizes and times of all files that share its stem
+ * ("a.shp", "a.dbf" ...). One that is not there hashes as such. */
+uint64_t sv_loading_input_hash(uint64_t h, const char *path);
+
+#endif

@@ -1,0 +1,285 @@
+/* scene.c - a scene from its spec: terrain, trees, the species they need, hierarchy, colours; then sealed.
+ *
+ * Steps run in the order of what they need. One that fails adds its errors; those that do not depend on it
+ * still run, so that one load tells all. Only what the scene uses is built: a species without a tree is not.
+ */
+#include "core/scene/scene.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/hash.h"
+#include "core/scene/loading.h"
+#include "core/terrain/coloring.h"
+#include "core/terrain/procedural.h"
+
+/* Address space, not memory: far more than any scene that the limits allow. */
+static const size_t ARENA_BYTES_DEFAULT = (size_t)64 << 30;
+
+typedef unsigned long long ull; /* printf's %llu on every platform */
+
+/* ---- terrain ---- */
+
+static void tell_dem(const struct sv_loading *l, const struct sv_dem_report *r)
+{
+    const struct sv_heightfield *f = &l->scene->terrain.field;
+    sv_loading_note(
+        l, 0,
+        "terrain: %s (%s), %d x %d samples in the file; %d x %d of %g x %g m, heights %.1f .. %.1f m, %s",
+        l->spec->terrain.dem, r->driver, r->source_width, r->source_height, f->width, f->height, f->dx, f->dy,
+        f->z0 + (double)f->h_min, f->z0 + (double)f->h_max, sv_crs_name(l->scene->crs));
+    if (r->warped)
+        sv_loading_note(l, 0, "terrain: warped (%s), %.1f %% of its area kept", r->warped, 100 * r->kept);
+    if (r->edge_filled)
+        sv_loading_note(l, 1, "terrain: %llu samples lie outside the file's data and were invented",
+                        (ull)r->edge_filled);
+    if (r->voids)
+        sv_loading_note(l, 1,
+                        "terrain: %llu voids in %llu regions filled, %llu of them not declared as nodata",
+                        (ull)r->voids, (ull)r->void_regions, (ull)r->voids_undeclared);
+    if (r->voids_flat)
+        sv_loading_note(l, 0, "terrain: %llu of these laid flat as water, the largest at %.1f m",
+                        (ull)r->voids_flat, r->flat_level_m);
+    if (r->all_void)
+        sv_loading_note(l, 1, "terrain: no sample of %s holds a height; the terrain is flat at 0 m",
+                        l->spec->terrain.dem);
+    if (r->height_unit_m != 1)
+        sv_loading_note(l, 0, "terrain: heights multiplied by %g m", r->height_unit_m);
+    if (r->looks_like_degrees)
+        sv_loading_note(l, 1,
+                        "terrain: no coordinate system known, but the coordinates look like degrees; \"crs\" "
+                        "may be missing");
+}
+
+static bool load_dem(struct sv_loading *l)
+{
+    const struct sv_terrain_spec *t = &l->spec->terrain;
+    const struct sv_dem_options options = {t->dem, t->crs, t->has_nodata, t->nodata, t->height_unit_m};
+    struct sv_dem_report report = {0};
+    struct sv_error error;
+    if (sv_dem_read(&options, l->scene->arena, &l->scene->terrain.field, &l->scene->crs, &report, &error) !=
+        SV_OK) {
+        sv_loading_fail(l, &error, "terrain.dem");
+        return false;
+    }
+    tell_dem(l, &report);
+    return true;
+}
+
+static bool load_procedural(struct sv_loading *l)
+{
+    const struct sv_terrain_spec *t = &l->spec->terrain;
+    const struct sv_procedural_options options = {t->size_m, t->samples, t->relief_m, t->seed};
+    struct sv_error error;
+    if (sv_crs_create_local(&l->scene->crs, &error) != SV_OK ||
+        sv_terrain_procedural(&options, l->scene->arena, &l->scene->terrain.field, &error) != SV_OK) {
+        sv_loading_fail(l, &error, "terrain.procedural");
+        return false;
+    }
+    sv_loading_note(l, 0, "terrain: procedural, %g m a side, %d x %d samples, relief %g m", t->size_m,
+                    t->samples, t->samples, t->relief_m);
+    return true;
+}
+
+static bool load_imagery(struct sv_loading *l, struct sv_image *rgba)
+{
+    const struct sv_terrain_spec *t = &l->spec->terrain;
+    if (!t->imagery)
+        return true;
+    struct sv_imagery_options options = {.path = t->imagery};
+    memcpy(options.bands, t->imagery_bands, sizeof options.bands);
+    struct sv_imagery_report r = {0};
+    struct sv_error error;
+    if (sv_imagery_read(&options, &l->scene->terrain.field, l->scene->crs, SV_TERRAIN_TEXTURE_SIDE_MAX, rgba,
+                        &r, &error) != SV_OK) {
+        sv_loading_fail(l, &error, "terrain.imagery");
+        return false;
+    }
+    sv_loading_note(
+        l, 0,
+        "imagery: %s (%s), %d x %d px, bands %d,%d,%d%s%s%s; texture %d x %d covers %.1f %% of the terrain",
+        t->imagery, r.driver, r.source_width, r.source_height, r.bands_used[0], r.bands_used[1],
+        r.bands_used[2], r.palette ? ", palette" : "", r.warped ? ", warped" : "",
+        r.fitted ? ", laid over the whole terrain" : "", rgba->width, rgba->height, 100 * r.covered);
+    if (r.rescaled)
+        sv_loading_note(l, 0, "imagery: stretched to bytes from %g .. %g, %g .. %g, %g .. %g",
+                        r.stretch[0][0], r.stretch[0][1], r.stretch[1][0], r.stretch[1][1], r.stretch[2][0],
+                        r.stretch[2][1]);
+    if (r.reduced)
+        sv_loading_note(l, 1, "imagery: averaged down to the texture limit of %d texels a side",
+                        SV_TERRAIN_TEXTURE_SIDE_MAX);
+    return true;
+}
+
+static double centre_latitude(const struct sv_scene *s)
+{
+    const struct sv_heightfield *f = &s->terrain.field;
+    double lon, lat, x = 0.5 * (f->x0 + sv_heightfield_x1(f)), y = 0.5 * (f->y0 + sv_heightfield_y1(f));
+    return sv_crs_to_lonlat(s->crs, x, y, &lon, &lat) ? lat : NAN;
+}
+
+static bool load_colors(struct sv_loading *l)
+{
+    struct sv_image imagery = {0};
+    struct sv_error error;
+    bool ok = load_imagery(l, &imagery);
+    if (ok && sv_terrain_color(&l->scene->terrain, imagery.data ? &imagery : NULL, centre_latitude(l->scene),
+                               l->scene->arena, &error) != SV_OK) {
+        sv_loading_fail(l, &error, "terrain");
+        ok = false;
+    }
+    l->scene->terrain.has_imagery = imagery.data != NULL;
+    sv_image_free(&imagery);
+    return ok;
+}
+
+/* ---- trees ---- */
+
+static bool load_one_species(struct sv_loading *l, int k, struct sv_species *s)
+{
+    const struct sv_species_spec *spec = &l->spec->species[k];
+    struct sv_tree_mesh mesh = {0};
+    struct sv_errors notes;
+    struct sv_error error;
+    sv_errors_init(&notes);
+    enum sv_status status = sv_species_build(spec, l->options->store, &mesh, &s->key, &notes, &error);
+    if (status == SV_OK)
+        status = sv_tree_mesh_to_arena(&mesh, l->scene->arena, &s->mesh, &error);
+    if (status == SV_OK)
+        sv_loading_note(l, 0, "species \"%s\": %u trees, %u triangles, %u leaves, crown radius %.2f heights",
+                        s->name, s->tree_count, mesh.index_count / 3, mesh.leaf_count, (double)mesh.radius);
+    else
+        sv_loading_fail(l, &error, spec->model ? "species[%d].model" : "species[%d].procedural", k);
+    for (size_t n = 0; n < notes.count; n++)
+        sv_loading_note(l, 1, "species \"%s\": %s", s->name, notes.items[n].message);
+    sv_errors_finish(&notes);
+    sv_tree_mesh_finish(&mesh);
+    return status == SV_OK;
+}
+
+/* Names all species, builds those that have trees. */
+static bool load_species(struct sv_loading *l, const struct sv_tree *trees, uint32_t count)
+{
+    int n = l->spec->species_count;
+    struct sv_species *species = sv_arena_alloc(l->scene->arena, (size_t)n, sizeof *species);
+    if (!species) {
+        struct sv_error error;
+        sv_fail(&error, SV_ENOMEM, NULL, "no room for %d species", n);
+        sv_loading_fail(l, &error, "species");
+        return false;
+    }
+    for (uint32_t k = 0; k < count; k++)
+        species[trees[k].species].tree_count++;
+    bool ok = true;
+    for (int k = 0; k < n; k++) {
+        memcpy(species[k].name, l->spec->species[k].name, sizeof species[k].name);
+        if (species[k].tree_count > 0)
+            ok = load_one_species(l, k, &species[k]) && ok;
+        else
+            sv_loading_note(l, 0, "species \"%s\": no tree of it, not built", species[k].name);
+    }
+    l->scene->species = species;
+    l->scene->species_count = n;
+    return ok;
+}
+
+/* Where the crowns of each species end, and the hierarchy. Trees go to the arena. */
+static enum sv_status build_forest(struct sv_loading *l, const struct sv_tree *trees, uint32_t count,
+                                   struct sv_error *error)
+{
+    struct sv_scene *s = l->scene;
+    struct sv_crown_bound bounds[SV_SCENE_SPECIES_MAX] = {{0}};
+    for (int k = 0; k < s->species_count; k++)
+        bounds[k] = (struct sv_crown_bound){s->species[k].mesh.radius, 1, 0};
+    struct sv_tree *kept = sv_arena_copy(s->arena, trees, (size_t)count * sizeof *trees);
+    if (!kept)
+        return sv_fail(error, SV_ENOMEM, NULL, "no room for %u trees", count);
+    return sv_forest_build(kept, count, bounds, s->arena, &s->forest, error);
+}
+
+static bool load_forest(struct sv_loading *l)
+{
+    struct sv_tree *trees = NULL;
+    uint32_t count = 0;
+    struct sv_error error;
+    if (!sv_loading_plant(l, &trees, &count))
+        return false;
+    bool ok = load_species(l, trees, count);
+    if (ok && build_forest(l, trees, count, &error) != SV_OK) {
+        sv_loading_fail(l, &error, "forest");
+        ok = false;
+    }
+    free(trees);
+    if (ok)
+        sv_loading_note(l, 0, "forest: %u trees in all", count);
+    return ok;
+}
+
+/* ---- the whole ---- */
+
+static bool load_all(struct sv_loading *l)
+{
+    const struct sv_scene_spec *spec = l->spec;
+    struct sv_scene *s = l->scene;
+    memcpy(s->name, spec->name, sizeof s->name);
+    s->sun = (struct sv_sun){sv_radians(spec->sun_azimuth_deg), sv_radians(spec->sun_elevation_deg)};
+    s->relief_distance_m = spec->relief_distance_m;
+    s->relief_resolution = spec->relief_resolution;
+    if (!(spec->terrain.dem ? load_dem(l) : load_procedural(l)))
+        return false; /* everything else stands on it */
+    bool ok = load_forest(l);
+    ok = load_colors(l) && ok;
+    if (!ok)
+        return false;
+    if (spec->object_count > 0)
+        sv_loading_note(l, 1, "objects: %d checked and kept; this version does not draw objects",
+                        spec->object_count);
+    sv_loading_note(l, 0,
+                    "relief: distance %g m, resolution %d kept; this version does not draw relief panels",
+                    spec->relief_distance_m, spec->relief_resolution);
+    s->version = sv_loading_version(l);
+    struct sv_error error;
+    if (sv_arena_seal(s->arena, &error) != SV_OK) {
+        sv_loading_fail(l, &error, "scene");
+        return false;
+    }
+    sv_loading_note(l, 0, "scene \"%s\" version %016llx: %.1f MB", s->name, (ull)s->version,
+                    (double)sv_arena_used(s->arena) / 1e6);
+    return true;
+}
+
+enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_options *options,
+                             struct sv_scene **scene, struct sv_errors *errors)
+{
+    size_t known = errors->count;
+    struct sv_scene *s = calloc(1, sizeof *s);
+    struct sv_loading l = {spec, options, s, errors};
+    struct sv_error error;
+    size_t reserve = options->arena_bytes ? options->arena_bytes : ARENA_BYTES_DEFAULT;
+    if (!s || sv_arena_create(reserve, &s->arena, &error) != SV_OK) {
+        if (!s)
+            sv_fail(&error, SV_ENOMEM, NULL, "no memory for a scene");
+        sv_loading_fail(&l, &error, "scene");
+    } else if (load_all(&l)) {
+        s->spec = *spec;
+        s->objects = s->spec.objects;
+        s->object_count = s->spec.object_count;
+        *spec = (struct sv_scene_spec){0};
+        *scene = s;
+        return SV_OK;
+    }
+    sv_scene_destroy(s);
+    return errors->count > known ? errors->items[known].code : SV_EINTERNAL;
+}
+
+void sv_scene_destroy(struct sv_scene *scene)
+{
+    if (!scene)
+        return;
+    sv_arena_destroy(scene->arena);
+    sv_crs_destroy(scene->crs);
+    sv_scene_spec_finish(&scene->spec);
+    free(scene);
+}
