@@ -35,6 +35,17 @@ static void server_timing(const struct sv_timings *timings, struct sv_headers *h
         sv_api_headers_set(headers, "Server-Timing", "%s", text);
 }
 
+/* Adds a name to Vary, beside what stands there. */
+static void vary(const char *name, struct sv_headers *headers)
+{
+    char old[64];
+    const char *now = sv_api_headers_find(headers, "Vary");
+    if (now && strstr(now, name))
+        return;
+    snprintf(old, sizeof old, "%s", now ? now : "");
+    sv_api_headers_set(headers, "Vary", "%s%s%s", old, old[0] ? ", " : "", name);
+}
+
 void sv_api_answer_common(const struct sv_answer_common *common, struct sv_headers *headers)
 {
     sv_api_headers_set(headers, "Server", "silvista/%s", SV_VERSION);
@@ -50,7 +61,7 @@ void sv_api_answer_common(const struct sv_answer_common *common, struct sv_heade
         sv_api_headers_set(headers, "Access-Control-Expose-Headers", "%s", exposed);
         sv_api_headers_set(headers, "Timing-Allow-Origin", "%s", common->cors_origin);
         if (strcmp(common->cors_origin, "*") != 0)
-            sv_api_headers_set(headers, "Vary", "Origin");
+            vary("Origin", headers);
     }
 }
 
@@ -83,15 +94,6 @@ void sv_api_answer_document(const char *media, const char *etag, struct sv_heade
     sv_api_headers_set(headers, "Cache-Control", "no-cache");
     if (etag)
         sv_api_headers_set(headers, "ETag", "%s", etag);
-}
-
-/* Adds a name to Vary, beside what stands there. */
-static void vary(const char *name, struct sv_headers *headers)
-{
-    char old[64];
-    const char *now = sv_api_headers_find(headers, "Vary");
-    snprintf(old, sizeof old, "%s", now ? now : "");
-    sv_api_headers_set(headers, "Vary", "%s%s%s", old, old[0] ? ", " : "", name);
 }
 
 void sv_api_answer_view(const struct sv_answer_view *answer, bool not_modified, struct sv_headers *headers)

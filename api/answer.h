@@ -26,7 +26,8 @@ struct sv_answer_common {
 };
 
 /* Server, Server-Timing, X-Request-Id, traceparent, Access-Control-Allow-Origin and -Expose-Headers,
- * Timing-Allow-Origin, X-Content-Type-Options, and Vary: Origin for an origin that is not "*". */
+ * Timing-Allow-Origin, X-Content-Type-Options, and Vary: Origin for an origin that is not "*". May be called
+ * before or after the others. */
 void sv_api_answer_common(const struct sv_answer_common *common, struct sv_headers *headers);
 
 /* What a CORS preflight (OPTIONS) gets beside the common ones; allow: "GET, HEAD, POST, OPTIONS". */

@@ -41,29 +41,34 @@ bool sv_api_utf8_valid(const void *bytes, size_t n)
     return true;
 }
 
+/* One character as it is shown, into piece; returns how many bytes of the input it took. */
+static size_t show_one(const unsigned char *p, size_t n, char piece[8], size_t *width)
+{
+    size_t step = sv_api_utf8_length(p, n);
+    if (step == 0 || (step == 1 && (p[0] < 0x20 || p[0] == 0x7F))) {
+        *width = (size_t)snprintf(piece, 8, "\\x%02X", p[0]);
+        return 1;
+    }
+    memcpy(piece, p, step);
+    *width = step;
+    return step;
+}
+
 void sv_api_utf8_show(const void *bytes, size_t n, char *out, size_t size)
 {
     const unsigned char *p = bytes;
-    size_t used = 0;
-    for (size_t i = 0; i < n;) {
-        char piece[8];
-        size_t step = sv_api_utf8_length(p + i, n - i), width;
-        if (step == 0 || (step == 1 && (p[i] < 0x20 || p[i] == 0x7F))) {
-            width = (size_t)snprintf(piece, sizeof piece, "\\x%02X", p[i]);
-            step = 1;
-        } else {
-            memcpy(piece, p + i, step);
-            width = step;
-        }
-        bool last = i + step >= n;
-        if (used + width + (last ? 1 : 4) > size) { /* room for "..." and NUL unless this is the end */
-            memcpy(out + used, "...", 3);
-            used += 3;
+    size_t used = 0, keep = 0, width; /* keep: what fits with "..." behind it */
+    char piece[8];
+    for (size_t i = 0; i < n; used += width) {
+        i += show_one(p + i, n - i, piece, &width);
+        if (used + width + 1 > size) {
+            memcpy(out + keep, "...", 3);
+            used = keep + 3;
             break;
         }
         memcpy(out + used, piece, width);
-        used += width;
-        i += step;
+        if (used + width + 4 <= size)
+            keep = used + width;
     }
     out[used] = '\0';
 }
