@@ -1,4 +1,4 @@
-/* store.c - blobs on disk: KIND-KEY.svb = a header of 96 bytes, then the payload.
+/* store.c - blobs on disk: KIND-KEY.svb = a header of 88 bytes, then the payload.
  *
  * Writing goes to a temporary name of its own (kind, key, pid, counter) and ends with a rename, so that a
  * reader sees the whole blob or none and writers never mix. Nothing is synced: after a power cut a blob may
