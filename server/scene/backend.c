@@ -1,0 +1,282 @@
+/* backend.c - the real backend of a scene process: core/scene loads, core/view draws, core/image encodes.
+ *
+ * Order matters: libraries are told to start no threads before anything else; species and impostors are built
+ * side by side in forked children into the store; then the scene is loaded, and GL is warmed here, before any
+ * worker is forked, so that all of them share its memory. */
+#include "server/scene/backend.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "api/scene_doc.h"
+#include "core/geo/geo.h"
+#include "core/gl/context.h"
+#include "core/image/encode.h"
+#include "core/scene/scene.h"
+#include "core/tree/draw.h"
+#include "core/view/renderer.h"
+#include "core/view/resolve.h"
+#include "server/log.h"
+#include "server/scene/crowd.h"
+
+struct sv_backend {
+    struct sv_store *store;
+    struct sv_scene *scene;
+    struct sv_renderer *renderer;
+    int epsg;
+    char *document;
+};
+
+static double now_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+static void log_news(void *context, int level, const char *message)
+{
+    (void)context;
+    sv_log(level ? SV_LOG_WARNING : SV_LOG_INFO, "load", "%s", message);
+}
+
+/* ---- building side by side ---- */
+
+struct crowd_work {
+    const struct sv_scene_spec *spec;
+    const struct sv_scene *scene;
+    struct sv_store *store;
+};
+
+static void build_species(void *context, int i)
+{
+    const struct crowd_work *work = context;
+    struct sv_tree_mesh mesh;
+    struct sv_errors notes;
+    struct sv_error error;
+    uint64_t key;
+    sv_errors_init(&notes);
+    /* A failure is told when the scene is loaded; the mesh stays in the store. */
+    if (sv_species_build(&work->spec->species[i], work->store, &mesh, &key, &notes, &error) == SV_OK)
+        sv_tree_mesh_finish(&mesh);
+}
+
+static void build_impostor(void *context, int i)
+{
+    const struct crowd_work *work = context;
+    const struct sv_species *species = &work->scene->species[i];
+    struct sv_tree_draw_species draw = {
+        .mesh = &species->mesh, .key = species->key, .tree_count = species->tree_count};
+    struct sv_gl_context *context_gl;
+    struct sv_error error;
+    if (species->tree_count && sv_gl_context_create(&context_gl, &error) == SV_OK &&
+        sv_tree_impostor_prepare(&draw, work->store, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "load", "%s: %s", species->name, error.message);
+}
+
+/* ---- the scene's document ---- */
+
+static void lonlat_box(const struct sv_scene *scene, struct sv_scene_facts *facts)
+{
+    enum { STEPS = 8 }; /* points a side: the outline bends in degrees */
+    facts->lon_min = facts->lat_min = 1e9;
+    facts->lon_max = facts->lat_max = -1e9;
+    for (int i = 0; i <= STEPS; i++)
+        for (int j = 0; j <= STEPS; j++) {
+            double x = facts->x_min + (facts->x_max - facts->x_min) * i / STEPS, lon;
+            double y = facts->y_min + (facts->y_max - facts->y_min) * j / STEPS, lat;
+            if (!sv_crs_to_lonlat(scene->crs, x, y, &lon, &lat))
+                return;
+            facts->lon_min = lon < facts->lon_min ? lon : facts->lon_min;
+            facts->lon_max = lon > facts->lon_max ? lon : facts->lon_max;
+            facts->lat_min = lat < facts->lat_min ? lat : facts->lat_min;
+            facts->lat_max = lat > facts->lat_max ? lat : facts->lat_max;
+        }
+    facts->has_lonlat = true;
+}
+
+static void place_facts(const struct sv_backend *backend, struct sv_scene_facts *facts)
+{
+    const struct sv_scene *scene = backend->scene;
+    const struct sv_heightfield *field = &scene->terrain.field;
+    facts->crs_name = sv_crs_name(scene->crs);
+    facts->epsg = backend->epsg;
+    facts->x_min = field->x0;
+    facts->y_min = field->y0;
+    facts->x_max = sv_heightfield_x1(field);
+    facts->y_max = sv_heightfield_y1(field);
+    lonlat_box(scene, facts);
+    facts->convergence_rad = sv_crs_convergence_rad(scene->crs, 0.5 * (facts->x_min + facts->x_max),
+                                                    0.5 * (facts->y_min + facts->y_max));
+    facts->terrain_width = field->width;
+    facts->terrain_height = field->height;
+    facts->spacing_x_m = field->dx;
+    facts->spacing_y_m = field->dy;
+    facts->z_min = field->z0 + field->h_min;
+    facts->z_max = field->z0 + field->h_max;
+    facts->procedural = scene->spec.terrain.dem == NULL;
+    facts->has_imagery = scene->terrain.has_imagery;
+}
+
+static void species_facts(const struct sv_backend *backend, struct sv_species_facts *out)
+{
+    const struct sv_tree_draw *draw = sv_renderer_trees(backend->renderer);
+    for (int i = 0; i < backend->scene->species_count; i++) {
+        const struct sv_species *species = &backend->scene->species[i];
+        out[i] = (struct sv_species_facts){.name = species->name,
+                                           .tree_count = species->tree_count,
+                                           .leaf_count = species->mesh.leaf_count,
+                                           .triangle_count = species->mesh.index_count / 3,
+                                           .vertex_count = species->mesh.vertex_count};
+        if (!draw)
+            continue;
+        out[i].forms[out[i].form_count++] =
+            (struct sv_form_facts){"polygon", sv_tree_draw_bytes(draw, i, SV_TREE_FORM_POLYGON)};
+        out[i].forms[out[i].form_count++] =
+            (struct sv_form_facts){"impostor", sv_tree_draw_bytes(draw, i, SV_TREE_FORM_IMPOSTOR)};
+    }
+}
+
+static char *make_document(const struct sv_backend *backend, const struct sv_backend_options *options,
+                           double load_s)
+{
+    static const double radian = 3.14159265358979323846 / 180;
+    const struct sv_scene *scene = backend->scene;
+    struct sv_species_facts *species = calloc((size_t)scene->species_count + 1, sizeof *species);
+    struct sv_object_facts *objects = calloc((size_t)scene->object_count + 1, sizeof *objects);
+    struct sv_scene_facts facts = {.name = scene->name,
+                                   .version = scene->version,
+                                   .species = species,
+                                   .species_count = scene->species_count,
+                                   .tree_count = scene->forest.count,
+                                   .objects = objects,
+                                   .object_count = scene->object_count,
+                                   .sun_azimuth_rad = scene->sun.azimuth_rad,
+                                   .sun_elevation_rad = scene->sun.elevation_rad,
+                                   .relief_distance_m = scene->relief_distance_m,
+                                   .relief_resolution = scene->relief_resolution,
+                                   .pixels_max = options->pixels_max,
+                                   .sample_pixels_max = options->sample_pixels_max,
+                                   .shared_bytes = sv_arena_used(scene->arena),
+                                   .load_s = load_s};
+    char *document = NULL;
+    size_t bytes;
+    if (species && objects) {
+        place_facts(backend, &facts);
+        species_facts(backend, species);
+        for (int i = 0; i < scene->object_count; i++)
+            objects[i] = (struct sv_object_facts){.model = scene->objects[i].model,
+                                                  .x = scene->objects[i].x,
+                                                  .y = scene->objects[i].y,
+                                                  .heading_rad = scene->objects[i].heading_deg * radian,
+                                                  .height_m = scene->objects[i].height_m};
+        document = sv_api_scene_doc(&facts, &bytes);
+    }
+    free(species);
+    free(objects);
+    return document;
+}
+
+/* ---- loading ---- */
+
+static enum sv_status load_scene(struct sv_backend *backend, const struct sv_backend_options *options,
+                                 struct sv_errors *errors)
+{
+    struct sv_scene_spec spec;
+    struct sv_scene_options scene_options = {.store = backend->store, .log = log_news};
+    enum sv_status status = sv_scene_spec_read(options->scene_path, &spec, errors);
+    if (status != SV_OK)
+        return status;
+    struct crowd_work work = {.spec = &spec, .store = backend->store};
+    if (backend->store)
+        sv_crowd_run(spec.species_count, options->processes, build_species, &work);
+    status = sv_scene_load(&spec, &scene_options, &backend->scene, errors);
+    if (status != SV_OK)
+        sv_scene_spec_finish(&spec);
+    return status;
+}
+
+static enum sv_status make_renderer(struct sv_backend *backend, const struct sv_backend_options *options,
+                                    struct sv_errors *errors)
+{
+    struct sv_error error;
+    struct crowd_work work = {.scene = backend->scene, .store = backend->store};
+    struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms};
+    if (backend->store)
+        sv_crowd_run(backend->scene->species_count, options->processes, build_impostor, &work);
+    enum sv_status status = sv_renderer_create(backend->scene, &renderer_options, &backend->renderer, &error);
+    if (status != SV_OK)
+        sv_errors_add(errors, status, error.field, "%s", error.message);
+    return status;
+}
+
+enum sv_status sv_backend_load(const struct sv_backend_options *options, struct sv_backend **out,
+                               struct sv_errors *errors)
+{
+    struct sv_error error;
+    double start = now_ms();
+    struct sv_backend *backend = calloc(1, sizeof *backend);
+    if (!backend) {
+        sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
+        return SV_ENOMEM;
+    }
+    sv_image_init();
+    sv_geo_init();
+    if (options->cache_dir && options->cache_dir[0] &&
+        sv_store_open(options->cache_dir, options->cache_budget_bytes, &backend->store, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "store", "%s: %s: what is built is not kept", error.field, error.message);
+    enum sv_status status = load_scene(backend, options, errors);
+    if (status == SV_OK) {
+        int code;
+        backend->epsg = sscanf(sv_crs_name(backend->scene->crs), "EPSG:%d", &code) == 1 ? code : 0;
+        status = make_renderer(backend, options, errors);
+    }
+    if (status == SV_OK) {
+        backend->document = make_document(backend, options, (now_ms() - start) * 1e-3);
+        if (!backend->document) {
+            sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
+            status = SV_ENOMEM;
+        }
+    }
+    if (status == SV_OK)
+        *out = backend;
+    /* On failure the process ends at once: nothing is taken down first. */
+    return status;
+}
+
+void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts)
+{
+    *facts = (struct sv_backend_facts){.version = backend->scene->version,
+                                       .epsg = backend->epsg,
+                                       .relief_distance_m = backend->scene->relief_distance_m,
+                                       .document = backend->document};
+}
+
+enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_view_request *request,
+                                  struct sv_resolved_view *view, bool *has_ground, double *ground_z,
+                                  struct sv_error *error)
+{
+    enum sv_status status = sv_view_resolve(backend->scene, request, view, ground_z, error);
+    *has_ground = status == SV_EUNDERGROUND;
+    return status;
+}
+
+enum sv_status sv_backend_draw(struct sv_backend *backend, const struct sv_view_request *request,
+                               const struct sv_resolved_view *view, int epsg, void **bytes, size_t *size,
+                               struct sv_timings *timings, struct sv_draw_stats *stats,
+                               struct sv_error *error)
+{
+    struct sv_picture picture;
+    memset(&picture, 0, sizeof picture);
+    enum sv_status status =
+        sv_renderer_draw(backend->renderer, request, view, &picture, timings, stats, error);
+    if (status != SV_OK)
+        return status;
+    double start = now_ms();
+    status = sv_picture_encode(&picture, request, view, epsg, bytes, size, error);
+    timings->ms[SV_STAGE_ENCODE] = now_ms() - start;
+    sv_picture_finish(&picture);
+    return status;
+}

@@ -1,0 +1,53 @@
+/* backend.h - what the scene process needs from whoever loads and draws. backend.c is the real one
+ * (core/scene, core/view); tests/server/fake_backend.c is a double that draws nothing. Chosen when the
+ * program is linked.
+ *
+ * load once, in the scene process; resolve and draw in forked workers, one call at a time. No thread may be
+ * running when load returns. */
+#ifndef SV_SERVER_BACKEND_H
+#define SV_SERVER_BACKEND_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "core/base/error.h"
+#include "core/view/request.h"
+#include "core/view/resolved.h"
+#include "core/view/timings.h"
+
+struct sv_backend;
+
+struct sv_backend_options {
+    const char *scene_path;
+    const char *cache_dir; /* NULL: nothing is kept */
+    uint64_t cache_budget_bytes;
+    int processes;                          /* that may build side by side while loading */
+    uint64_t pixels_max, sample_pixels_max; /* for the scene's document */
+};
+
+/* Everything that is told of a loaded scene. */
+struct sv_backend_facts {
+    uint64_t version;
+    int epsg; /* 0: none */
+    double relief_distance_m;
+    const char *document; /* of GET /v1/scene, borrowed from the backend */
+};
+
+/* On failure errors is not empty. */
+SV_MUST_CHECK enum sv_status sv_backend_load(const struct sv_backend_options *options,
+                                             struct sv_backend **backend, struct sv_errors *errors);
+void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts);
+/* *has_ground with SV_EUNDERGROUND. */
+SV_MUST_CHECK enum sv_status sv_backend_resolve(struct sv_backend *backend,
+                                                const struct sv_view_request *request,
+                                                struct sv_resolved_view *view, bool *has_ground,
+                                                double *ground_z, struct sv_error *error);
+/* Heap bytes of the encoded picture. Timings start as "did not run". */
+SV_MUST_CHECK enum sv_status sv_backend_draw(struct sv_backend *backend,
+                                             const struct sv_view_request *request,
+                                             const struct sv_resolved_view *view, int epsg, void **bytes,
+                                             size_t *size, struct sv_timings *timings,
+                                             struct sv_draw_stats *stats, struct sv_error *error);
+
+#endif

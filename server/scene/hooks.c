@@ -1,0 +1,66 @@
+#include "server/scene/hooks.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+static const char *hook_folder;
+static const struct timespec look_again = {.tv_nsec = 2000000};
+
+void sv_hooks_init(const char *folder)
+{
+    const char *on = getenv("SILVISTA_TEST_HOOKS");
+    hook_folder = on && strcmp(on, "1") == 0 && folder && folder[0] ? folder : NULL;
+}
+
+static void path_of(const char *name, char path[1200])
+{
+    snprintf(path, 1200, "%s/%s", hook_folder, name);
+}
+
+static bool is_listed(const char *name, int width)
+{
+    char path[1200], word[32];
+    bool listed = false;
+    path_of(name, path);
+    FILE *file = fopen(path, "re");
+    while (file && !listed && fscanf(file, "%31s", word) == 1)
+        listed = strcmp(word, "all") == 0 || atoi(word) == width;
+    if (file)
+        fclose(file);
+    return listed;
+}
+
+void sv_hooks_before_load(void)
+{
+    char path[1200];
+    if (!hook_folder)
+        return;
+    path_of("hold-load", path);
+    while (access(path, F_OK) == 0)
+        nanosleep(&look_again, NULL);
+}
+
+void sv_hooks_before_draw(int width)
+{
+    char path[1200], name[32];
+    if (!hook_folder)
+        return;
+    if (is_listed("crash", width))
+        raise(SIGKILL);
+    if (!is_listed("hold", width))
+        return;
+    snprintf(name, sizeof name, "held-%d", (int)getpid());
+    path_of(name, path);
+    int fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
+    if (fd >= 0)
+        close(fd);
+    while (is_listed("hold", width))
+        nanosleep(&look_again, NULL);
+    unlink(path);
+}

@@ -1,0 +1,17 @@
+/* hooks.h - how the project's own tests make a load wait and a worker wait or die, at a moment that they
+ * choose.
+ *
+ * Off unless the environment says SILVISTA_TEST_HOOKS=1 and a folder is given. Files in that folder command:
+ *   hold-load  the scene process waits before it loads, while the file is there
+ *   hold       lists picture widths ("77 80" or "all"): a worker that is to draw one writes held-PID and
+ * waits while listed crash      lists picture widths: a worker that is to draw one kills itself with SIGKILL
+ */
+#ifndef SV_SERVER_HOOKS_H
+#define SV_SERVER_HOOKS_H
+
+/* folder is borrowed; NULL or "": none. */
+void sv_hooks_init(const char *folder);
+void sv_hooks_before_load(void);
+void sv_hooks_before_draw(int width);
+
+#endif

@@ -1,0 +1,12 @@
+/* one_shot.h - one picture without a server: a view's JSON file in, an image file out. */
+#ifndef SV_SERVER_ONE_SHOT_H
+#define SV_SERVER_ONE_SHOT_H
+
+#include "server/scene/backend.h"
+
+/* Reads the view and draws it into out ("-": standard output). f=json writes the description instead. Errors
+ * are added; SV_OK when the file is written. */
+SV_MUST_CHECK enum sv_status sv_one_shot(const struct sv_backend_options *options, const char *view_path,
+                                         const char *out_path, struct sv_errors *errors);
+
+#endif
