@@ -21,13 +21,13 @@ struct rgb {
     float r, g, b;
 };
 
-static const struct rgb LUSH = {0.050f, 0.090f, 0.022f}, MEADOW = {0.078f, 0.108f, 0.034f},
-                        DRY = {0.165f, 0.146f, 0.072f}, ALPINE = {0.105f, 0.108f, 0.050f},
-                        FLOOR = {0.062f, 0.058f, 0.032f}, SOIL = {0.125f, 0.096f, 0.062f},
-                        SCREE = {0.190f, 0.182f, 0.166f}, ROCK = {0.165f, 0.160f, 0.150f},
-                        RED_ROCK = {0.300f, 0.185f, 0.115f}, SNOW = {0.740f, 0.755f, 0.768f},
-                        SAND = {0.340f, 0.290f, 0.205f}, WATER = {0.016f, 0.036f, 0.054f},
-                        SHALLOW = {0.040f, 0.088f, 0.096f};
+static const struct rgb LUSH = {0.062f, 0.108f, 0.024f}, MEADOW = {0.096f, 0.130f, 0.038f},
+                        DRY = {0.205f, 0.176f, 0.084f}, ALPINE = {0.128f, 0.124f, 0.056f},
+                        FLOOR = {0.070f, 0.063f, 0.032f}, SHRUB = {0.036f, 0.052f, 0.020f},
+                        SOIL = {0.150f, 0.112f, 0.070f}, SCREE = {0.215f, 0.205f, 0.188f},
+                        ROCK = {0.180f, 0.172f, 0.160f}, RED_ROCK = {0.330f, 0.195f, 0.120f},
+                        SNOW = {0.740f, 0.755f, 0.768f}, SAND = {0.360f, 0.305f, 0.215f},
+                        WATER = {0.014f, 0.034f, 0.056f}, SHALLOW = {0.035f, 0.080f, 0.100f};
 
 /* What holds for the whole field. */
 struct climate {
@@ -40,9 +40,8 @@ struct painter {
     const struct sv_heightfield *field;
     struct sv_land_form form;
     struct climate climate;
-    float *tile; /* TILE^2 of noise, mean 0, deviation 1, periodic */
-    double texel_x_m, texel_y_m;
-    double near_period_m, far_period_m; /* of the two scales at which the tile is laid */
+    float *tile;                        /* TILE^2 of noise, mean 0, deviation 1, periodic */
+    double near_period_m, far_period_m; /* of the scales at which the tile is laid */
 };
 
 /* ---- noise ---- */
@@ -72,7 +71,7 @@ static void fill_tile(float *tile)
     for (int j = 0; j < TILE; j++)
         for (int i = 0; i < TILE; i++) {
             float v = 0, amplitude = 1;
-            for (int k = 0; k < 6; k++, amplitude *= 0.62f)
+            for (int k = 0; k < 6; k++, amplitude *= 0.7f)
                 v += amplitude * tile_octave(k, (i + 0.5) / TILE, (j + 0.5) / TILE, 7 << k);
             tile[j * TILE + i] = v;
             sum += (double)v;
@@ -115,9 +114,10 @@ static struct rgb scale_rgb(struct rgb a, float s)
     return (struct rgb){a.r * s, a.g * s, a.b * s};
 }
 
-/* Noise at a place: n fine and m middle break the borders of classes, w wide makes patches and districts. */
+/* Noise at a place: f speckles single texels, n and m break the borders of classes, w makes patches and
+ * districts. */
 struct grain {
-    float n, m, w;
+    float f, n, m, w;
 };
 
 /* Rock: grey to red by aridity and district, in strata a dozen metres thick that dip a little and fade in and
@@ -130,19 +130,31 @@ static struct rgb rock_color(const struct painter *p, const struct sv_land_sampl
     float band = 0.5f * sinf(6.2832f * layer) + 0.5f * sinf(6.2832f * layer * 2.37f + 1.3f);
     float district = sinf(6.2832f * broad);
     float strength = 0.10f + 0.10f * red;
-    base = scale_rgb(base, 1 + strength * band + 0.12f * district + 0.10f * g.n);
+    base = scale_rgb(base, 1 + strength * band + 0.12f * district + 0.10f * g.n + 0.08f * g.f);
     return mix_rgb(base, scale_rgb(SCREE, 1.1f), 0.25f * red * ramp(0.3f, 0.9f, district));
 }
 
 static struct rgb meadow_color(const struct painter *p, const struct sv_land_sample *s, float sunny,
                                float alpine, struct grain g)
 {
-    float thirst = 0.35f * sunny - 0.9f * (s->wet - 0.35f) + 1.1f * (s->broad + s->fine) + 0.20f * g.w +
-                   0.13f * g.m + 1.2f * p->climate.aridity;
-    struct rgb c = mix_rgb(MEADOW, LUSH, ramp(0.05f, -0.45f, thirst));
-    c = mix_rgb(c, DRY, 0.9f * ramp(0.12f, 0.75f, thirst));
+    float thirst = 0.35f * sunny - 0.7f * (s->wet - 0.35f) + 1.1f * (s->broad + 0.5f * s->fine) +
+                   0.22f * g.w + 0.16f * g.m + 0.07f * g.n + 1.2f * p->climate.aridity;
+    struct rgb c = mix_rgb(MEADOW, LUSH, ramp(0.05f, -0.50f, thirst));
+    c = mix_rgb(c, DRY, 0.9f * ramp(0.08f, 0.75f, thirst));
     c = mix_rgb(c, ALPINE, 0.8f * alpine);
-    return scale_rgb(c, 1 + 0.07f * g.n + 0.05f * g.m);
+    return scale_rgb(c, 1 + 0.10f * g.f + 0.07f * g.n + 0.05f * g.m);
+}
+
+/* Litter and moss of woods in patches below the tree line, on slopes and in hollows; bushes strewn about. */
+static struct rgb add_woods(const struct painter *p, const struct sv_land_sample *s, struct rgb c,
+                            float tangent, float alpine, struct grain g)
+{
+    float lower = (1 - alpine) * (1 - 0.7f * p->climate.aridity);
+    float wood =
+        ramp(0.15f, 0.9f, 0.45f * g.w + 0.25f * g.m + 0.10f * g.n + 0.4f * s->wet + 0.9f * tangent - 0.35f);
+    c = mix_rgb(c, scale_rgb(FLOOR, 1 + 0.12f * g.f), 0.7f * wood * lower);
+    float bush = ramp(0.8f, 1.5f, g.f + 0.55f * g.n + 0.5f * g.m + 0.9f * wood + 0.4f * s->wet - 0.3f);
+    return mix_rgb(c, SHRUB, 0.6f * bush * (1 - alpine));
 }
 
 /* Land above the sea. */
@@ -151,22 +163,24 @@ static struct rgb land_color(const struct painter *p, const struct sv_land_sampl
     const struct climate *k = &p->climate;
     float tangent = sqrtf(s->east * s->east + s->north * s->north);
     float sunny = k->equatorward * s->north / sqrtf(1 + tangent * tangent);
-    float steep = tangent + 0.09f * g.m + 0.07f * g.n; /* where borders of slope classes lie */
+    float steep = tangent + 0.09f * g.m + 0.06f * g.n + 0.03f * g.f; /* where borders of slope classes lie */
     float high = (float)((double)s->z - k->tree_line_m) + 70 * g.m + 110 * g.w;
     float alpine = ramp(-250, 120, high), barren = ramp(150, 800, high - 500 * s->wet);
-    struct rgb c = meadow_color(p, s, sunny, alpine, g);
-    /* Litter and moss of woods: in patches below the tree line, on slopes and in hollows. */
-    float wood = ramp(0.15f, 0.9f, 0.55f * g.w + 0.25f * g.m + 0.6f * s->wet + 0.9f * tangent - 0.35f);
-    c = mix_rgb(c, FLOOR, 0.75f * wood * (1 - alpine) * (1 - 0.8f * k->aridity));
+    struct rgb c = add_woods(p, s, meadow_color(p, s, sunny, alpine, g), tangent, alpine, g);
     float worn = ramp(0.05f, 0.16f, s->fine + 0.6f * s->broad + 0.02f * g.m) * ramp(0.1f, 0.35f, steep);
-    c = mix_rgb(c, scale_rgb(SOIL, 1 + 0.1f * g.n), 0.7f * worn);
-    float dry_rock = 0.16f * k->aridity + 0.10f * barren;
-    float scree = ramp(0.50f, 0.72f, steep + dry_rock + 0.5f * barren - 1.2f * s->fine);
-    struct rgb stones = mix_rgb(SCREE, rock_color(p, s, g), 0.35f + 0.6f * k->aridity);
-    c = mix_rgb(c, scale_rgb(stones, 1 + 0.12f * g.n),
-                0.85f * fmaxf(scree * (0.35f + 0.65f * alpine), 0.8f * barren));
-    float rock = ramp(0.62f, 0.92f, steep + dry_rock + 1.6f * s->fine + 0.8f * s->broad);
-    c = mix_rgb(c, rock_color(p, s, g), rock);
+    c = mix_rgb(c, scale_rgb(SOIL, 1 + 0.1f * g.n + 0.1f * g.f), 0.6f * worn);
+    /* What is steep is bare: the sooner, the drier and the higher it lies; woods hold on to slopes of 40
+     * degrees. */
+    float bare = 0.43f * k->aridity + 0.10f * barren - 0.20f * (1 - alpine);
+    float scree =
+        ramp(0.50f, 0.72f, steep + bare + 0.5f * barren - 1.2f * s->fine) * (0.35f + 0.65f * alpine);
+    scree = 0.85f * fmaxf(scree, 0.8f * barren);
+    float rock = ramp(0.62f, 0.92f, steep + bare + 1.6f * s->fine + 0.8f * s->broad);
+    if (rock > 0 || scree > 0) {
+        struct rgb stone = rock_color(p, s, g);
+        struct rgb rubble = scale_rgb(mix_rgb(SCREE, stone, 0.35f + 0.6f * k->aridity), 1 + 0.12f * g.f);
+        c = mix_rgb(mix_rgb(c, rubble, scree), stone, rock);
+    }
     /* Snow lies deeper in hollows and on the shady side, and not on walls. */
     float cold = (float)((double)s->z - k->snow_line_m) + 130 * g.m + 60 * g.n - 170 * sunny - 900 * s->broad;
     float snow = ramp(-60, 140, cold) * (1 - ramp(1.0f, 1.6f, steep + 0.8f * s->fine));
@@ -177,15 +191,16 @@ static struct rgb land_color(const struct painter *p, const struct sv_land_sampl
  * own. */
 static float cavity(const struct sv_land_sample *s)
 {
-    float v = 1 + 1.1f * s->fine + 0.35f * s->broad;
-    return v < 0.75f ? 0.75f : v > 1.2f ? 1.2f : v;
+    float v = 1 + 0.7f * s->fine + 0.35f * s->broad;
+    return v < 0.8f ? 0.8f : v > 1.2f ? 1.2f : v;
 }
 
 static struct rgb color_at(const struct painter *p, double u, double v)
 {
     struct sv_land_sample s = sv_land_form_at(&p->form, u, v);
     double x = u * (p->field->width - 1) * p->field->dx, y = v * (p->field->height - 1) * p->field->dy;
-    struct grain g = {noise_at(p, 0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y, p->near_period_m),
+    struct grain g = {noise_at(p, y, -x, 0.29 * p->near_period_m),
+                      noise_at(p, 0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y, p->near_period_m),
                       noise_at(p, x + 137, y + 71, 4.3 * p->near_period_m),
                       noise_at(p, x, y, p->far_period_m)};
     float sea = ramp(0.42f, 0.58f, s.sea + 0.10f * g.n);
@@ -287,7 +302,7 @@ static enum sv_status paint_natural(struct sv_terrain *terrain, const struct sv_
     if (!status) {
         double texel = sqrt((f->width - 1) * f->dx / terrain->albedo.width * ((f->height - 1) * f->dy) /
                             terrain->albedo.height);
-        p.near_period_m = fmax(110, 300 * texel);
+        p.near_period_m = fmax(110, 400 * texel);
         p.far_period_m = fmax(2300, 9 * p.near_period_m);
         fill_tile(p.tile);
         paint(&p, imagery, &terrain->albedo);

@@ -162,14 +162,21 @@ static double fraction(double v)
     return v - floor(v);
 }
 
-void sv_terrain_detail_place(double x, double y, double uv[4])
+const double sv_terrain_detail_period_m[SV_DETAIL_COUNT] = {233.0, 29.0, 3.1};
+
+/* How each scale is turned against the world, so that their repetitions do not line up; and between which mip
+ * levels it fades: above 5.5 a tile is less than 12 px wide, and repetition would be all one sees. */
+static const struct {
+    double cosine, sine;
+    float fade_from, fade_to;
+} turns[SV_DETAIL_COUNT] = {{0.28, 0.96, 3.5f, 5.5f}, {1, 0, 3.5f, 5.5f}, {0.8, 0.6, 4.0f, 5.5f}};
+
+void sv_terrain_detail_place(double x, double y, double uv[SV_DETAIL_COUNT][2])
 {
-    double rx = SV_TERRAIN_DETAIL_COS * x - SV_TERRAIN_DETAIL_SIN * y;
-    double ry = SV_TERRAIN_DETAIL_SIN * x + SV_TERRAIN_DETAIL_COS * y;
-    uv[0] = fraction(x / SV_TERRAIN_DETAIL_COARSE_M);
-    uv[1] = fraction(y / SV_TERRAIN_DETAIL_COARSE_M);
-    uv[2] = fraction(rx / SV_TERRAIN_DETAIL_FINE_M);
-    uv[3] = fraction(ry / SV_TERRAIN_DETAIL_FINE_M);
+    for (int k = 0; k < SV_DETAIL_COUNT; k++) {
+        uv[k][0] = fraction((turns[k].cosine * x - turns[k].sine * y) / sv_terrain_detail_period_m[k]);
+        uv[k][1] = fraction((turns[k].sine * x + turns[k].cosine * y) / sv_terrain_detail_period_m[k]);
+    }
 }
 
 /* GL's bilinear filter with GL_REPEAT at one level, in units where 128 is 1. */
@@ -208,25 +215,45 @@ static float step_between(float lo, float hi, float v)
     return t * t * (3 - 2 * t);
 }
 
+/* Share of a scale that texels of a size cannot show themselves. */
+static float share(enum sv_terrain_detail_scale scale, double texel_m)
+{
+    if (scale == SV_DETAIL_BROAD)
+        return step_between(6, 25, (float)texel_m);
+    return (float)fmin(1, texel_m * 10 / sv_terrain_detail_period_m[scale]);
+}
+
+double sv_terrain_detail_end_m(enum sv_terrain_detail_scale scale, double texel_m)
+{
+    if (!(share(scale, texel_m) > 0))
+        return 0;
+    return fmin(texel_m, exp2((double)turns[scale].fade_to) * sv_terrain_detail_period_m[scale] / SIDE);
+}
+
 void sv_terrain_detail_apply(double x, double y, double pixel_m, double n_dot_v, double texel_m,
                              float albedo[3])
 {
-    double footprint = pixel_m / sqrt(sv_clamp(n_dot_v, 0.04, 1)), uv[4];
+    double footprint = pixel_m / sqrt(sv_clamp(n_dot_v, 0.04, 1)), uv[SV_DETAIL_COUNT][2];
     float luminance = 0.3f * albedo[0] + 0.6f * albedo[1] + 0.1f * albedo[2];
-    float strength = step_between(1, 6, (float)(texel_m / pixel_m));
+    float strength = step_between(1, 6, (float)(texel_m / pixel_m)), tile[SV_DETAIL_COUNT][4];
     strength *= 1 - step_between(0, 0.02f, albedo[2] - albedo[1]); /* not on water */
     strength *= 1 - 0.75f * step_between(0.35f, 0.6f, luminance);  /* little on snow */
-    float veg = step_between(0, 0.03f, albedo[1] - albedo[0]); /* blades where it is green, grit elsewhere */
-    float coarse = strength * (float)fmin(1, texel_m * 10 / SV_TERRAIN_DETAIL_COARSE_M);
-    float fine = strength * (float)fmin(1, texel_m * 10 / SV_TERRAIN_DETAIL_FINE_M);
     if (!(strength > 0) || !isfinite(x) || !isfinite(y) || !isfinite(footprint))
         return;
-    float c[4], f[4];
     sv_terrain_detail_place(x, y, uv);
-    sample_tile(uv[0], uv[1], log2(footprint * (SIDE / SV_TERRAIN_DETAIL_COARSE_M)), c);
-    sample_tile(uv[2], uv[3], log2(footprint * (SIDE / SV_TERRAIN_DETAIL_FINE_M)), f);
-    float level = (1 + coarse * c[1]) * (1 + fine * (f[3] + (f[0] - f[3]) * veg));
-    float hue = 0.35f * coarse * c[2];
+    for (int k = 0; k < SV_DETAIL_COUNT; k++) {
+        double lod = log2(footprint * (SIDE / sv_terrain_detail_period_m[k]));
+        float weight = strength * share((enum sv_terrain_detail_scale)k, texel_m);
+        weight *= 1 - step_between(turns[k].fade_from, turns[k].fade_to, (float)lod);
+        sample_tile(uv[k][0], uv[k][1], lod, tile[k]);
+        for (int c = 0; c < 4; c++)
+            tile[k][c] *= weight;
+    }
+    const float *broad = tile[SV_DETAIL_BROAD], *coarse = tile[SV_DETAIL_COARSE],
+                *fine = tile[SV_DETAIL_FINE];
+    float veg = step_between(0, 0.03f, albedo[1] - albedo[0]); /* blades where it is green, grit elsewhere */
+    float level = (1 + broad[1]) * (1 + coarse[1]) * (1 + fine[3] + (fine[0] - fine[3]) * veg);
+    float hue = 0.18f * (broad[2] + coarse[2]);
     albedo[0] *= level * (1 + hue);
     albedo[1] *= level;
     albedo[2] *= level * (1 - hue);

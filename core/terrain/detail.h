@@ -1,12 +1,12 @@
 /* detail.h - fine structure of the ground below the albedo's resolution: blades, tufts and grit, so that a 30
  * m DEM or a 4 m texel is not a blur before one's feet.
  *
- * One tiling picture (made at start out of a fixed seed) is laid over the world at two scales, 29 m and 3.1
- * m, and multiplies the albedo; its mean is 1, so that averages do not change. It fades in as albedo texels
- * are magnified, holds only wavelengths that the albedo cannot hold, fades by its own mip levels with
- * distance, is subdued on snow, and is absent on water and other bluish grounds. TWIN:
- * core/gl/shaders/detail.glsl; a test compares the two. The tile's coordinates are world metres modulo the
- * period, so the picture stands still on the ground. */
+ * One tiling picture (made at start out of a fixed seed) is laid over the world at three scales, 233 m, 29 m
+ * and 3.1 m, and multiplies the albedo; its mean is 1, so that averages do not change. A scale holds only
+ * wavelengths that the albedo cannot hold (the first needs texels above 6 m), fades in as albedo texels are
+ * magnified, and out before its repetition shows. All is subdued on snow, and absent on water and other
+ * bluish grounds. TWIN: core/gl/shaders/detail.glsl; a test compares the two. The tile's coordinates are
+ * world metres modulo the period, so the picture stands still on the ground. */
 #ifndef SV_TERRAIN_DETAIL_H
 #define SV_TERRAIN_DETAIL_H
 
@@ -16,12 +16,12 @@
 
 enum { SV_TERRAIN_DETAIL_SIDE = 512, SV_TERRAIN_DETAIL_LEVELS = 10 };
 
-/* Periods of the two scales on the ground, m; the second is turned by SV_TERRAIN_DETAIL_COS, _SIN against the
- * first. */
-#define SV_TERRAIN_DETAIL_COARSE_M 29.0
-#define SV_TERRAIN_DETAIL_FINE_M 3.1
-#define SV_TERRAIN_DETAIL_COS 0.8
-#define SV_TERRAIN_DETAIL_SIN 0.6
+enum sv_terrain_detail_scale { SV_DETAIL_BROAD, SV_DETAIL_COARSE, SV_DETAIL_FINE, SV_DETAIL_COUNT };
+
+/* Periods of the scales on the ground, m. */
+extern const double sv_terrain_detail_period_m[SV_DETAIL_COUNT];
+/* Pixels of this size (m) and above show nothing of a scale, with albedo texels of texel_m. */
+double sv_terrain_detail_end_m(enum sv_terrain_detail_scale scale, double texel_m);
 
 /* Makes the tile and its mip levels; idempotent. Call before the first use and before any fork. 1.4 MB, for
  * the process's life. SV_ENOMEM. */
@@ -31,9 +31,9 @@ SV_MUST_CHECK enum sv_status sv_terrain_detail_init(struct sv_error *error);
  * Borrowed. */
 const uint8_t *sv_terrain_detail_level(int level);
 
-/* Tile coordinates (in periods, 0 .. 1) of a world place: coarse u, v, fine u, v. In double, since world
+/* Tile coordinates u, v (in periods, 0 .. 1) of a world place at each scale. In double, since world
  * coordinates have seven digits before the point. */
-void sv_terrain_detail_place(double x, double y, double uv[4]);
+void sv_terrain_detail_place(double x, double y, double uv[SV_DETAIL_COUNT][2]);
 
 /* Multiplies a linear albedo by the detail at the world place (x, y). pixel_m: size of a pixel at the point's
  * depth, square to the ray (depth / focal_px; orthographic: 1 / px per metre). n_dot_v: cosine between

@@ -5,7 +5,9 @@
  * detail.glsl, light.glsl. */
 #include "core/terrain/draw.h"
 
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/gl/context.h"
 #include "core/gl/functions.h"
@@ -17,13 +19,19 @@
 enum { UNIT_ALBEDO, UNIT_NORMAL, UNIT_DETAIL, UNIT_COUNT };
 
 /* Uniform locations of terrain.frag. */
-enum { AT_ALBEDO_UV, AT_NORMAL_UV, AT_DETAIL_UV, AT_TEXEL_M, AT_ID };
+enum { AT_ALBEDO_UV, AT_NORMAL_UV, AT_TEXEL_M, AT_ID, AT_DETAIL_EYE };
+
+/* Triangles by how many scales of the ground's detail can be seen in them, from all to none. Each zone has a
+ * program, since llvmpipe pays for both sides of a branch. */
+enum { ZONE_COUNT = SV_DETAIL_COUNT + 1 };
 
 struct sv_terrain_draw {
     const struct sv_terrain *terrain;
     struct sv_terrain_lod *lod;
     struct sv_terrain_mesh mesh;
-    unsigned program;
+    unsigned programs[ZONE_COUNT];
+    uint32_t *zoned; /* the mesh's indices by zone, for as many triangles as zoned_capacity */
+    uint32_t zoned_capacity;
     GLuint textures[UNIT_COUNT], vertices, buffers[2];
 };
 
@@ -103,6 +111,27 @@ static enum sv_status check_images(const struct sv_terrain *terrain, struct sv_e
     return SV_OK;
 }
 
+static double texel_m(const struct sv_terrain *terrain)
+{
+    const struct sv_heightfield *f = &terrain->field;
+    double x = (f->width - 1) * f->dx / terrain->albedo.width,
+           y = (f->height - 1) * f->dy / terrain->albedo.height;
+    return sqrt(x * y);
+}
+
+static enum sv_status make_programs(struct sv_terrain_draw *draw, struct sv_error *error)
+{
+    int broad = sv_terrain_detail_end_m(SV_DETAIL_BROAD, texel_m(draw->terrain)) > 0;
+    enum sv_status status = SV_OK;
+    for (int zone = 0; zone < ZONE_COUNT && !status; zone++) {
+        char defines[80];
+        snprintf(defines, sizeof defines, "#define DETAIL_SCALES %d\n#define DETAIL_BROAD %d\n",
+                 SV_DETAIL_COUNT - zone, broad);
+        status = sv_gl_program_create("terrain.vert", "terrain.frag", defines, &draw->programs[zone], error);
+    }
+    return status;
+}
+
 enum sv_status sv_terrain_draw_create(const struct sv_terrain *terrain, struct sv_store *store,
                                       struct sv_terrain_draw **draw, struct sv_error *error)
 {
@@ -117,7 +146,7 @@ enum sv_status sv_terrain_draw_create(const struct sv_terrain *terrain, struct s
     if (!status)
         status = sv_terrain_lod_create(&terrain->field, store, &made->lod, error);
     if (!status)
-        status = sv_gl_program_create("terrain.vert", "terrain.frag", NULL, &made->program, error);
+        status = make_programs(made, error);
     if (!status) {
         make_textures(made);
         make_buffers(made);
@@ -135,66 +164,149 @@ void sv_terrain_draw_destroy(struct sv_terrain_draw *draw)
 {
     if (!draw)
         return;
-    gl.DeleteProgram(draw->program);
+    for (int zone = 0; zone < ZONE_COUNT; zone++)
+        gl.DeleteProgram(draw->programs[zone]);
     gl.DeleteTextures(UNIT_COUNT, draw->textures);
     gl.DeleteBuffers(2, draw->buffers);
     gl.DeleteVertexArrays(1, &draw->vertices);
     sv_terrain_mesh_finish(&draw->mesh);
     sv_terrain_lod_destroy(draw->lod);
+    free(draw->zoned);
     free(draw);
 }
 
 /* ---- drawing ---- */
 
-static void set_uniforms(const struct sv_terrain_draw *draw, struct sv_vec3 eye)
+static void set_uniforms(const struct sv_terrain *terrain, struct sv_vec3 eye)
 {
-    const struct sv_heightfield *f = &draw->terrain->field;
-    double size_x = (f->width - 1) * f->dx, size_y = (f->height - 1) * f->dy, detail[4];
-    const struct sv_image *albedo = &draw->terrain->albedo;
+    const struct sv_heightfield *f = &terrain->field;
+    double size_x = (f->width - 1) * f->dx, size_y = (f->height - 1) * f->dy, detail[SV_DETAIL_COUNT][2];
+    float eye_uv[SV_DETAIL_COUNT][2];
     sv_terrain_detail_place(eye.x, eye.y, detail);
     gl.Uniform4f(AT_ALBEDO_UV, (float)(1 / size_x), (float)(1 / size_y), (float)((eye.x - f->x0) / size_x),
                  (float)((eye.y - f->y0) / size_y));
     gl.Uniform4f(AT_NORMAL_UV, (float)(1 / (f->dx * f->width)), (float)(1 / (f->dy * f->height)),
                  (float)(((eye.x - f->x0) / f->dx + 0.5) / f->width),
                  (float)(((eye.y - f->y0) / f->dy + 0.5) / f->height));
-    gl.Uniform4f(AT_DETAIL_UV, (float)detail[0], (float)detail[1], (float)detail[2], (float)detail[3]);
-    gl.Uniform1f(AT_TEXEL_M, (float)sqrt(size_x / albedo->width * (size_y / albedo->height)));
+    for (int k = 0; k < SV_DETAIL_COUNT; k++)
+        for (int c = 0; c < 2; c++)
+            eye_uv[k][c] = (float)detail[k][c];
+    gl.Uniform2fv(AT_DETAIL_EYE, SV_DETAIL_COUNT, eye_uv[0]);
+    gl.Uniform1f(AT_TEXEL_M, (float)texel_m(terrain));
     gl.Uniform1ui(AT_ID, SV_ID_TERRAIN);
 }
 
-static void submit(const struct sv_terrain_draw *draw)
+/* The depth (m) at which each zone but the last ends; orthographic pixels have one size everywhere. */
+static void find_zone_ends(const struct sv_terrain_draw *draw, const struct sv_camera *camera,
+                           float ends[SV_DETAIL_COUNT])
+{
+    double focal = sv_camera_focal_px(camera);
+    for (int zone = 0; zone < SV_DETAIL_COUNT; zone++) {
+        enum sv_terrain_detail_scale finest = (enum sv_terrain_detail_scale)(SV_DETAIL_FINE - zone);
+        double end = sv_terrain_detail_end_m(finest, texel_m(draw->terrain));
+        if (camera->projection == SV_PROJECTION_ORTHOGRAPHIC)
+            ends[zone] = 1 / focal < end ? INFINITY : -INFINITY;
+        else
+            ends[zone] = (float)(end * focal);
+    }
+}
+
+static int zone_of(const struct sv_terrain_mesh *mesh, const uint32_t *triangle, const float forward[3],
+                   const float ends[SV_DETAIL_COUNT])
+{
+    float nearest = INFINITY;
+    int zone = 0;
+    for (int k = 0; k < 3; k++) {
+        const float *p = mesh->vertices + 3 * (size_t)triangle[k];
+        nearest = fminf(nearest, p[0] * forward[0] + p[1] * forward[1] + p[2] * forward[2]);
+    }
+    while (zone < SV_DETAIL_COUNT && nearest >= ends[zone])
+        zone++;
+    return zone;
+}
+
+/* Sorts the mesh's triangles into zones, keeping their order; first[z] .. first[z + 1] are those of zone z.
+ */
+static enum sv_status sort_zones(struct sv_terrain_draw *draw, const struct sv_camera *camera,
+                                 uint32_t first[ZONE_COUNT + 1], struct sv_error *error)
+{
+    const struct sv_terrain_mesh *mesh = &draw->mesh;
+    float ends[SV_DETAIL_COUNT];
+    const float forward[3] = {(float)camera->forward.x, (float)camera->forward.y, (float)camera->forward.z};
+    find_zone_ends(draw, camera, ends);
+    if (draw->zoned_capacity < mesh->triangle_count) {
+        free(draw->zoned);
+        draw->zoned_capacity = mesh->triangle_capacity;
+        draw->zoned = malloc((size_t)draw->zoned_capacity * 12 + draw->zoned_capacity);
+        if (!draw->zoned) {
+            draw->zoned_capacity = 0;
+            return sv_fail(error, SV_ENOMEM, "terrain", "no memory for %u triangles", mesh->triangle_count);
+        }
+    }
+    uint8_t *zones = (uint8_t *)(draw->zoned + 3 * (size_t)draw->zoned_capacity);
+    uint32_t next[ZONE_COUNT] = {0};
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        zones[t] = (uint8_t)zone_of(mesh, mesh->indices + 3 * (size_t)t, forward, ends);
+        next[zones[t]]++;
+    }
+    first[0] = 0;
+    for (int z = 0; z < ZONE_COUNT; z++) {
+        first[z + 1] = first[z] + next[z];
+        next[z] = first[z];
+    }
+    for (uint32_t t = 0; t < mesh->triangle_count; t++)
+        memcpy(draw->zoned + 3 * (size_t)next[zones[t]]++, mesh->indices + 3 * (size_t)t, 12);
+    return SV_OK;
+}
+
+static void submit(const struct sv_terrain_draw *draw, const uint32_t first[ZONE_COUNT + 1],
+                   struct sv_vec3 eye)
 {
     const struct sv_terrain_mesh *mesh = &draw->mesh;
     gl.BindVertexArray(draw->vertices);
     gl.BindBuffer(GL_ARRAY_BUFFER, draw->buffers[0]);
     gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)mesh->vertex_count * 12, mesh->vertices, GL_STREAM_DRAW);
-    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)mesh->triangle_count * 12, mesh->indices,
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)mesh->triangle_count * 12, draw->zoned,
                   GL_STREAM_DRAW);
-    gl.DrawRangeElements(GL_TRIANGLES, 0, mesh->vertex_count - 1, (GLsizei)(mesh->triangle_count * 3),
-                         GL_UNSIGNED_INT, NULL);
+    for (int z = 0; z < ZONE_COUNT; z++) {
+        if (first[z] == first[z + 1])
+            continue;
+        gl.UseProgram(draw->programs[z]);
+        set_uniforms(draw->terrain, eye);
+        gl.DrawRangeElements(GL_TRIANGLES, 0, mesh->vertex_count - 1,
+                             (GLsizei)((first[z + 1] - first[z]) * 3), GL_UNSIGNED_INT,
+                             (const void *)((uintptr_t)first[z] * 12));
+    }
     gl.BindVertexArray(0);
+}
+
+static void set_state(const struct sv_terrain_draw *draw)
+{
+    gl.Enable(GL_DEPTH_TEST);
+    gl.DepthFunc(GL_GREATER);
+    gl.DepthMask(GL_TRUE);
+    gl.Disable(GL_BLEND);
+    gl.Disable(GL_CULL_FACE);
+    for (unsigned k = 0; k < UNIT_COUNT; k++) {
+        gl.ActiveTexture(GL_TEXTURE0 + k);
+        gl.BindTexture(GL_TEXTURE_2D, draw->textures[k]);
+    }
+    gl.ActiveTexture(GL_TEXTURE0);
 }
 
 enum sv_status sv_terrain_draw(struct sv_terrain_draw *draw, const struct sv_gl_frame *frame, double error_px,
                                struct sv_terrain_draw_stats *stats, struct sv_error *error)
 {
+    uint32_t first[ZONE_COUNT + 1];
     enum sv_status status = sv_terrain_lod_refine(draw->lod, &frame->camera, error_px, &draw->mesh, error);
     if (status)
         return status;
     if (draw->mesh.triangle_count) {
-        gl.Enable(GL_DEPTH_TEST);
-        gl.DepthFunc(GL_GREATER);
-        gl.DepthMask(GL_TRUE);
-        gl.Disable(GL_BLEND);
-        gl.Disable(GL_CULL_FACE);
-        gl.UseProgram(draw->program);
-        for (unsigned k = 0; k < UNIT_COUNT; k++) {
-            gl.ActiveTexture(GL_TEXTURE0 + k);
-            gl.BindTexture(GL_TEXTURE_2D, draw->textures[k]);
-        }
-        gl.ActiveTexture(GL_TEXTURE0);
-        set_uniforms(draw, frame->camera.eye);
-        submit(draw);
+        status = sort_zones(draw, &frame->camera, first, error);
+        if (status)
+            return status;
+        set_state(draw);
+        submit(draw, first, frame->camera.eye);
     }
     if (stats)
         *stats = (struct sv_terrain_draw_stats){draw->mesh.triangle_count, draw->mesh.max_error_px};

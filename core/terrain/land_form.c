@@ -167,7 +167,7 @@ static void fill_wetness(struct sv_land_form *form, float *area, float *work, ui
         double slope = sqrt((double)(s->east * s->east + s->north * s->north));
         area[k] = (float)log((double)area[k] * cell / fmax(slope, 0.02));
     }
-    blur(area, work, form->width, form->height, 1);
+    blur(area, work, form->width, form->height, clamp_int((int)(9 / cell), 1, 6));
     for (size_t k = 0; k < count_of(form); k++) { /* 5: a ridge of 10 m cells; 10.5: a brook */
         double t = sv_clamp(((double)area[k] - 5.0) / 5.5, 0, 1);
         form->samples[k].wet = (float)(t * t * (3 - 2 * t));

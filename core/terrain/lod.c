@@ -321,6 +321,14 @@ static double left_px(const struct refinement *r, double z, double distance2, do
     return depth > 0 ? e * r->px_m / depth : 0;
 }
 
+/* Whether the eye is nearer, on the ground plan, to b than to c. */
+static bool eye_is_nearer(const struct refinement *r, const struct corner *b, const struct corner *c)
+{
+    double bx = r->origin.x + b->i * r->field->dx, by = r->origin.y + b->j * r->field->dy;
+    double cx = r->origin.x + c->i * r->field->dx, cy = r->origin.y + c->j * r->field->dy;
+    return bx * bx + by * by < cx * cx + cy * cy;
+}
+
 /* Refines the triangle with its right angle at a and hypotenuse b c, counter-clockwise. */
 static void refine(struct refinement *r, const struct corner *a, const struct corner *b,
                    const struct corner *c, int level, int mask)
@@ -346,8 +354,14 @@ static void refine(struct refinement *r, const struct corner *a, const struct co
         return;
     }
     struct corner v = {i, j, vertex_at(r, i, j)};
-    refine(r, &v, a, b, level + 1, mask);
-    refine(r, &v, c, a, level + 1, mask);
+    /* Nearer side first, so that the depth test throws hidden fragments away before they are shaded. */
+    if (eye_is_nearer(r, b, c)) {
+        refine(r, &v, a, b, level + 1, mask);
+        refine(r, &v, c, a, level + 1, mask);
+    } else {
+        refine(r, &v, c, a, level + 1, mask);
+        refine(r, &v, a, b, level + 1, mask);
+    }
 }
 
 /* f s and S (lod.h): both are largest at a corner of the picture. */

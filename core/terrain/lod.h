@@ -36,7 +36,7 @@ struct sv_terrain_mesh {
     float *vertices;   /* x, y, z relative to the eye, m, world axes */
     uint32_t *samples; /* j * width + i of each vertex */
     uint32_t vertex_count, vertex_capacity;
-    uint32_t *indices; /* three a triangle, counter-clockwise seen from above */
+    uint32_t *indices; /* three a triangle, counter-clockwise seen from above; triangles from near to far */
     uint32_t triangle_count, triangle_capacity;
     double max_error_px; /* bound of the projected error that is left in the triangles; 0 for full detail */
     void *table;         /* private: sample -> vertex */

@@ -7,9 +7,9 @@ layout(binding = 1) uniform sampler2D normal_map; // (x, y) * 127 + 128 at sampl
 layout(binding = 2) uniform sampler2D detail_map;
 layout(location = 0) uniform vec4 albedo_uv; // scale, offset from local x, y
 layout(location = 1) uniform vec4 normal_uv;
-layout(location = 2) uniform vec4 detail_uv; // coarse and fine coordinates of the eye
-layout(location = 3) uniform float texel_m;
-layout(location = 4) uniform uint id_terrain;
+layout(location = 2) uniform float texel_m;
+layout(location = 3) uniform uint id_terrain;
+layout(location = 4) uniform vec2 detail_eye[3]; // the eye's place in the detail's tile at its scales
 
 in vec3 p;
 layout(location = 0) out vec4 color;
@@ -23,8 +23,8 @@ void main()
     vec3 albedo = texture(albedo_map, p.xy * albedo_uv.xy + albedo_uv.zw).rgb;
     float depth = dot(p, camera_forward.xyz);
     float pixel_m = (frame_is_orthographic() ? 1.0 : depth) / projection.y;
-    vec4 uv = vec4(p.xy / 29.0, mat2(0.8, 0.6, -0.6, 0.8) * p.xy / 3.1) + detail_uv;
-    albedo = detail_apply(detail_map, uv, pixel_m, dot(n, frame_to_viewer(p)), texel_m, albedo);
+    float n_dot_v = dot(n, frame_to_viewer(p));
+    albedo = detail_apply(detail_map, detail_at(p.xy, detail_eye), pixel_m, n_dot_v, texel_m, albedo);
     color = vec4(light_air(frame_distance(p), light_surface(n, albedo, 1.0, 1.0)), 1.0);
     id = id_terrain;
     normal = vec4(n, 0.0);
