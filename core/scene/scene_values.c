@@ -77,32 +77,38 @@ void sv_value_complain_type(struct sv_value_reader *r, const cJSON *json, const 
 
 /* ---- scalars ---- */
 
+/* A number as short as still says it exactly. */
+struct digits {
+    char text[32];
+};
+static struct digits digits(double v)
+{
+    struct digits d;
+    snprintf(d.text, sizeof d.text, "%.15g", v);
+    if (strtod(d.text, NULL) != v)
+        snprintf(d.text, sizeof d.text, "%.17g", v);
+    return d;
+}
+
 bool sv_value_number_in(struct sv_value_reader *r, const cJSON *json, const struct sv_value_field *f,
                         bool integer, double *value)
 {
-    const char *kind = integer ? "an integer" : "a number", *space = *f->unit ? " " : "";
     if (!cJSON_IsNumber(json)) {
-        sv_value_complain_type(r, json, kind);
+        sv_value_complain_type(r, json, integer ? "an integer" : "a number");
         return false;
     }
     double v = json->valuedouble;
-    if (!isfinite(v)) {
-        sv_value_complain(r, SV_EINVAL, "is too large for a number; legal is %.15g .. %.15g%s%s", f->min,
-                          f->max, space, f->unit);
-        return false;
+    const char *fault = !isfinite(v)                    ? "is too large for a number"
+                        : !(v >= f->min && v <= f->max) ? "is outside"
+                        : integer && v != floor(v)      ? "is not an integer"
+                                                        : NULL;
+    if (!fault) {
+        *value = v;
+        return true;
     }
-    if (!(v >= f->min && v <= f->max)) {
-        sv_value_complain(r, SV_EINVAL, "%.15g is outside %.15g .. %.15g%s%s", v, f->min, f->max, space,
-                          f->unit);
-        return false;
-    }
-    if (integer && v != floor(v)) {
-        sv_value_complain(r, SV_EINVAL, "%.15g is not an integer; legal is %.15g .. %.15g", v, f->min,
-                          f->max);
-        return false;
-    }
-    *value = v;
-    return true;
+    sv_value_complain(r, SV_EINVAL, "%s %s; legal is %s .. %s%s%s", digits(v).text, fault,
+                      digits(f->min).text, digits(f->max).text, *f->unit ? " " : "", f->unit);
+    return false;
 }
 
 void sv_value_number(struct sv_value_reader *r, const cJSON *json, const struct sv_value_field *f, void *base)
@@ -216,7 +222,7 @@ void sv_value_range(struct sv_value_reader *r, const cJSON *json, const struct s
         return;
     }
     if (!cJSON_IsArray(json) || cJSON_GetArraySize(json) != 2) {
-        sv_value_complain(r, SV_EINVAL, "must be a number or an array [least, most], each %.15g .. %.15g %s",
+        sv_value_complain(r, SV_EINVAL, "must be a number or an array [least, most], each %g .. %g %s",
                           f->min, f->max, f->unit);
         return;
     }
