@@ -50,7 +50,7 @@ static const struct sv_endpoint table[] = {
      "Read the scene file again; the old scene serves until the new one is ready, and for good if that is "
      "bad",
      .built = true, .admin = true, .success = "200", .media = {"application/json"},
-     .problems = {ADMIN_PROBLEMS, SV_PROBLEM_BAD_SCENE, SV_PROBLEM_NOT_READY}},
+     .problems = {ADMIN_PROBLEMS, SV_PROBLEM_BAD_SCENE, SV_PROBLEM_NOT_READY, SV_PROBLEM_DRAINING}},
     {"GET", "/v1/cells", "getCells", "cells", "The relief cells in memory", LATER, .success = "200",
      .media = {"application/json"}},
     {"POST", "/v1/cells", "postCells", "cells", "Build cells ahead for poses or a path", LATER, .admin = true,

@@ -3,6 +3,7 @@
 
 #include <locale.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -64,9 +65,28 @@ bool sv_api_number_parse(const char *text, size_t n, double *value)
     return true;
 }
 
+/* Whole numbers below 1e15, which most are, without printf: it costs a microsecond. */
+static const char *format_whole(double value, char out[SV_API_NUMBER_BUFFER])
+{
+    char digits_back[16];
+    int64_t rest = (int64_t)fabs(value);
+    size_t n = 0, used = 0;
+    do {
+        digits_back[n++] = (char)('0' + rest % 10);
+        rest /= 10;
+    } while (rest > 0);
+    if (value < 0)
+        out[used++] = '-';
+    while (n > 0)
+        out[used++] = digits_back[--n];
+    out[used] = '\0';
+    return out;
+}
+
 const char *sv_api_number_format(double value, char out[SV_API_NUMBER_BUFFER])
 {
-    value = value == 0 ? 0 : value;
+    if (fabs(value) < 1e15 && value == floor(value))
+        return format_whole(value, out);
     /* Two decimals of up to 15 digits never share a normal double, so %.15g is the shortest one where it
      * reads back. */
     for (int precision = 15; precision <= 17; precision++) {
@@ -87,6 +107,9 @@ double sv_api_degrees(double radians)
     double degrees = sv_degrees(radians);
     if (!isfinite(degrees))
         return degrees;
+    double thousandth = nearbyint(degrees * 1e3) / 1e3; /* the double nearest to a decimal of three places */
+    if (sv_radians(thousandth) == radians)
+        return thousandth == 0 ? 0 : thousandth;
     for (int digits = 12; digits <= 17; digits++) {
         char text[SV_API_NUMBER_BUFFER];
         double rounded;

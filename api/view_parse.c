@@ -9,10 +9,13 @@
 #include "api/utf8.h"
 #include "api/view_rules.h"
 
+static const size_t guesses_max = 16;
+
 static void refuse_key(const char *key, struct sv_errors *errors)
 {
     char shown[80];
-    const char *nearest = sv_api_field_nearest(key);
+    /* A guess at what was meant costs time: the first few are enough to learn from. */
+    const char *nearest = errors->total < guesses_max ? sv_api_field_nearest(key) : NULL;
     sv_api_utf8_show(key, strlen(key), shown, sizeof shown);
     if (nearest)
         sv_errors_add(errors, SV_EINVAL, shown, "unknown key: did you mean \"%s\"? (keys are case-sensitive)",
