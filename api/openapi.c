@@ -127,8 +127,16 @@ static void describe_field(cJSON *object, enum sv_field_id id, bool *good)
 {
     const struct sv_field *field = sv_api_field(id);
     char legal[256], text[768];
-    snprintf(text, sizeof text, "%s Legal: %s.%s", field->help, sv_api_field_legal(id, legal, sizeof legal),
-             field->unbuilt ? " Not built yet: answers 501." : "");
+    int used = snprintf(text, sizeof text, "%s Legal: %s.%s", field->help,
+                        sv_api_field_legal(id, legal, sizeof legal),
+                        field->unbuilt           ? " Not built yet: answers 501."
+                        : field->unbuilt_choices ? " Not built yet, answered 501:"
+                                                 : "");
+    for (int k = 0; field->unbuilt_choices >> k; k++)
+        if (field->unbuilt_choices & 1u << k)
+            used += snprintf(text + used, sizeof text - (size_t)used, " %s", field->choices[k]);
+    if (field->unbuilt_choices)
+        snprintf(text + used, sizeof text - (size_t)used, ".");
     sv_api_json_add_text(object, "description", text, good);
 }
 
