@@ -18,7 +18,7 @@ FENCES = [  # header pattern, where it may stand
     (r"microhttpd\.h", r"server/"),
     (r"GL/|OSMesa|KHR/", r"core/gl/|core/terrain/draw\w*\.c|core/tree/(draw|impostor)\w*\.c"),
     (r"GL/osmesa\.h", r"core/gl/context_osmesa\.c|core/gl/functions\.c"),
-    (r"cjson/|cJSON\.h", r"core/scene/scene_file\w*\.c|api/|server/"),
+    (r"cjson/|cJSON\.h", r"core/scene/scene_(file|values)\w*\.[ch]|api/|server/"),
     (r"gdal|ogr_|cpl_|proj\.h|geos_c", r"core/geo/"),
     (r"assimp/", r"core/tree/import\.c"),
     (r"OpenImageIO/|tiffio|webp/|geotiff|xtiffio", r"core/image/"),
