@@ -40,15 +40,18 @@ struct painter {
     const struct sv_heightfield *field;
     struct sv_land_form form;
     struct climate climate;
-    float *tile;                        /* TILE^2 of noise, mean 0, deviation 1, periodic */
-    double near_period_m, far_period_m; /* of the scales at which the tile is laid */
+    float *tile; /* TILE^2 of noise, mean 0, deviation 1, within +-2.6, periodic */
+    /* Tile samples a metre at the four scales at which it is laid. */
+    double speckle_scale, near_scale, middle_scale, far_scale;
 };
 
 /* ---- noise ---- */
 
 static float lattice(int octave, int i, int j, int period)
 {
-    uint64_t h = sv_mix64((uint64_t)octave << 40 ^ (uint64_t)(j % period) << 20 ^ (uint64_t)(i % period));
+    uint64_t h = sv_mix64((uint64_t)(octave + 1) << 40 ^ (uint64_t)(j % period + 1) << 20 ^
+                          (uint64_t)(i % period + 1));
+    h = sv_mix64(h + UINT64_C(0x9E3779B97F4A7C15));
     return (float)(h >> 40) * (float)0x1p-23 - 1;
 }
 
@@ -79,16 +82,16 @@ static void fill_tile(float *tile)
         }
     double mean = sum / n, scale = 1 / sqrt(squares / n - mean * mean);
     for (int k = 0; k < TILE * TILE; k++)
-        tile[k] = (float)(((double)tile[k] - mean) * scale);
+        tile[k] = (float)sv_clamp(((double)tile[k] - mean) * scale, -2.6, 2.6);
 }
 
-/* The tile at (x, y) m laid with a period, bilinear. */
-static float noise_at(const struct painter *p, double x, double y, double period_m)
+/* The tile at (x, y) m, laid with `scale` tile samples a metre; bilinear. */
+static float noise_at(const struct painter *p, double x, double y, double scale)
 {
-    double u = x / period_m * TILE, v = y / period_m * TILE, fu = floor(u), fv = floor(v);
-    float fx = (float)(u - fu), fy = (float)(v - fv);
-    int i = (int)fu & (TILE - 1), j = (int)fv & (TILE - 1), k = (i + 1) & (TILE - 1),
-        l = (j + 1) & (TILE - 1);
+    double u = x * scale + (1 << 28), v = y * scale + (1 << 28); /* above 0, so that a cast is a floor */
+    int iu = (int)u, iv = (int)v;
+    float fx = (float)(u - iu), fy = (float)(v - iv);
+    int i = iu & (TILE - 1), j = iv & (TILE - 1), k = (i + 1) & (TILE - 1), l = (j + 1) & (TILE - 1);
     const float *t = p->tile;
     float low = t[j * TILE + i] + (t[j * TILE + k] - t[j * TILE + i]) * fx;
     float high = t[l * TILE + i] + (t[l * TILE + k] - t[l * TILE + i]) * fx;
@@ -199,10 +202,9 @@ static struct rgb color_at(const struct painter *p, double u, double v)
 {
     struct sv_land_sample s = sv_land_form_at(&p->form, u, v);
     double x = u * (p->field->width - 1) * p->field->dx, y = v * (p->field->height - 1) * p->field->dy;
-    struct grain g = {noise_at(p, y, -x, 0.29 * p->near_period_m),
-                      noise_at(p, 0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y, p->near_period_m),
-                      noise_at(p, x + 137, y + 71, 4.3 * p->near_period_m),
-                      noise_at(p, x, y, p->far_period_m)};
+    struct grain g = {noise_at(p, y, -x, p->speckle_scale),
+                      noise_at(p, 0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y, p->near_scale),
+                      noise_at(p, x + 137, y + 71, p->middle_scale), noise_at(p, x, y, p->far_scale)};
     float sea = ramp(0.42f, 0.58f, s.sea + 0.10f * g.n);
     if (sea >= 1)
         return WATER;
@@ -302,8 +304,11 @@ static enum sv_status paint_natural(struct sv_terrain *terrain, const struct sv_
     if (!status) {
         double texel = sqrt((f->width - 1) * f->dx / terrain->albedo.width * ((f->height - 1) * f->dy) /
                             terrain->albedo.height);
-        p.near_period_m = fmax(110, 400 * texel);
-        p.far_period_m = fmax(2300, 9 * p.near_period_m);
+        double near_period_m = fmax(110, 400 * texel);
+        p.near_scale = TILE / near_period_m;
+        p.speckle_scale = p.near_scale / 0.29;
+        p.middle_scale = p.near_scale / 4.3;
+        p.far_scale = TILE / fmax(2300, 9 * near_period_m);
         fill_tile(p.tile);
         paint(&p, imagery, &terrain->albedo);
         sv_land_form_finish(&p.form);

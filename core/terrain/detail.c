@@ -18,12 +18,19 @@ static uint8_t *levels[LEVELS];
 
 /* ---- making ---- */
 
-static double lattice_gradient(uint64_t seed, int i, int j, int period, double fx, double fy)
+/* Gradients of one octave: a direction of eight at every lattice point of a period. */
+struct lattice {
+    int period;
+    uint8_t direction[SIDE * SIDE];
+};
+
+static double dot_gradient(const struct lattice *lattice, int i, int j, double fx, double fy)
 {
     static const double directions[8][2] = {{1, 0},  {0.7071, 0.7071},   {0, 1},  {-0.7071, 0.7071},
                                             {-1, 0}, {-0.7071, -0.7071}, {0, -1}, {0.7071, -0.7071}};
-    uint64_t h = sv_mix64(seed ^ sv_mix64((uint64_t)((i % period) * 4096 + j % period) + 1));
-    const double *d = directions[h >> 61];
+    i = i == lattice->period ? 0 : i;
+    j = j == lattice->period ? 0 : j;
+    const double *d = directions[lattice->direction[j * lattice->period + i]];
     return d[0] * fx + d[1] * fy;
 }
 
@@ -32,35 +39,37 @@ static double fade(double t)
     return t * t * t * (t * (t * 6 - 15) + 10);
 }
 
-/* Gradient noise with the given number of lattice cells a tile side, about -0.7 .. 0.7. */
-static double noise(uint64_t seed, double u, double v, int period)
+/* Gradient noise at (u, v) in the unit square, about -0.7 .. 0.7. */
+static double noise(const struct lattice *lattice, double u, double v)
 {
-    double x = u * period, y = v * period;
+    double x = u * lattice->period, y = v * lattice->period;
     int i = (int)x, j = (int)y;
     double fx = x - i, fy = y - j, sx = fade(fx), sy = fade(fy);
-    double a = lattice_gradient(seed, i, j, period, fx, fy),
-           b = lattice_gradient(seed, i + 1, j, period, fx - 1, fy);
-    double c = lattice_gradient(seed, i, j + 1, period, fx, fy - 1);
-    double d = lattice_gradient(seed, i + 1, j + 1, period, fx - 1, fy - 1);
+    double a = dot_gradient(lattice, i, j, fx, fy), b = dot_gradient(lattice, i + 1, j, fx - 1, fy);
+    double c = dot_gradient(lattice, i, j + 1, fx, fy - 1),
+           d = dot_gradient(lattice, i + 1, j + 1, fx - 1, fy - 1);
     return a + (b - a) * sx + (c - a) * sy + (a - b - c + d) * sx * sy;
 }
 
 struct noise_sum {
     uint64_t seed;
-    int first_period, octaves;
+    int first_period, octaves; /* the last period, first << (octaves - 1), is at most SIDE */
     double gain;
 };
 
-static void fill_noise(float *out, const struct noise_sum *sum)
+static void fill_noise(float *out, const struct noise_sum *sum, struct lattice *lattice)
 {
-    for (int j = 0; j < SIDE; j++)
-        for (int i = 0; i < SIDE; i++) {
-            double v = 0, amplitude = 1;
-            for (int k = 0; k < sum->octaves; k++, amplitude *= sum->gain)
-                v += amplitude * noise(sum->seed + (uint64_t)k, (i + 0.5) / SIDE, (j + 0.5) / SIDE,
-                                       sum->first_period << k);
-            out[j * SIDE + i] = (float)v;
-        }
+    double amplitude = 1;
+    memset(out, 0, (size_t)SIDE * SIDE * sizeof *out);
+    for (int k = 0; k < sum->octaves; k++, amplitude *= sum->gain) {
+        struct sv_rng rng = sv_rng_seeded(sum->seed, (uint64_t)k);
+        lattice->period = sum->first_period << k;
+        for (int n = 0; n < lattice->period * lattice->period; n++)
+            lattice->direction[n] = (uint8_t)(sv_rng_next(&rng) >> 61);
+        for (int j = 0; j < SIDE; j++)
+            for (int i = 0; i < SIDE; i++)
+                out[j * SIDE + i] += (float)(amplitude * noise(lattice, (i + 0.5) / SIDE, (j + 0.5) / SIDE));
+    }
 }
 
 /* One stroke: from a dark root to a light tip, two texels wide, wrapping at the tile's borders. */
@@ -81,10 +90,10 @@ static void paint_blade(float *out, struct sv_rng *rng)
     }
 }
 
-static void fill_blades(float *out)
+static void fill_blades(float *out, struct lattice *lattice)
 {
     struct sv_rng rng = sv_rng_seeded(20010, 7);
-    fill_noise(out, &(struct noise_sum){11, 64, 3, 0.7});
+    fill_noise(out, &(struct noise_sum){11, 64, 3, 0.7}, lattice);
     for (int k = 0; k < SIDE * SIDE; k++)
         out[k] = 0.15f + 0.15f * out[k];
     for (int k = 0; k < BLADES; k++)
@@ -126,9 +135,11 @@ enum sv_status sv_terrain_detail_init(struct sv_error *error)
     for (int l = 0; l < LEVELS; l++)
         total += (size_t)4 * (SIDE >> l) * (SIDE >> l);
     float *values = malloc((size_t)SIDE * SIDE * sizeof *values);
+    struct lattice *lattice = malloc(sizeof *lattice);
     uint8_t *block = malloc(total);
-    if (!values || !block) {
+    if (!values || !lattice || !block) {
         free(values);
+        free(lattice);
         free(block);
         return sv_fail(error, SV_ENOMEM, "terrain", "no memory for the ground's detail");
     }
@@ -136,15 +147,16 @@ enum sv_status sv_terrain_detail_init(struct sv_error *error)
         levels[l] = block + offset;
         offset += (size_t)4 * (SIDE >> l) * (SIDE >> l);
     }
-    fill_blades(values);
+    fill_blades(values, lattice);
     quantize(values, 0.34, 0);
-    fill_noise(values, &(struct noise_sum){23, 10, 6, 0.72});
+    fill_noise(values, &(struct noise_sum){23, 10, 6, 0.72}, lattice);
     quantize(values, 0.20, 1);
-    fill_noise(values, &(struct noise_sum){37, 12, 4, 0.6});
+    fill_noise(values, &(struct noise_sum){37, 12, 4, 0.6}, lattice);
     quantize(values, 0.30, 2);
-    fill_noise(values, &(struct noise_sum){51, 24, 5, 0.85});
+    fill_noise(values, &(struct noise_sum){51, 24, 5, 0.85}, lattice);
     quantize(values, 0.18, 3);
     free(values);
+    free(lattice);
     for (int l = 1; l < LEVELS; l++)
         halve(levels[l - 1], levels[l], SIDE >> l);
     return SV_OK;
