@@ -78,7 +78,7 @@ static void make_trees(struct sv_scene *scene, const struct kit_options *o)
     }
     scene->species = species;
     scene->species_count = o->species;
-    struct sv_tree *trees = calloc(o->trees + 1, sizeof *trees);
+    struct sv_tree *trees = sv_arena_alloc(scene->arena, o->trees, sizeof *trees); /* the forest keeps them */
     struct sv_rng rng = sv_rng_seeded(o->seed, 99);
     const struct sv_heightfield *f = &scene->terrain.field;
     double cx = f->x0 + (f->width - 1) * f->dx / 2, cy = f->y0 + (f->height - 1) * f->dy / 2;
@@ -95,7 +95,6 @@ static void make_trees(struct sv_scene *scene, const struct kit_options *o)
         species[t->species].tree_count++;
     }
     must(sv_forest_build(trees, o->trees, bounds, scene->arena, &scene->forest, &error), &error, "sv_forest_build");
-    free(trees);
 }
 
 struct sv_scene *kit_scene(const struct kit_options *o)
