@@ -82,6 +82,8 @@ struct outline {
     struct sv_crs_transform *source_from_flat, *flat_from_source;
     int width, height;
     bool periodic; /* a whole turn of longitude: no left and right border */
+    bool pole[2];  /* and its first, its last row stands half a cell off a pole: the disc within belongs to it
+                    */
     double box[4];
     double area; /* of the inside, m2 */
 };
@@ -94,10 +96,27 @@ static void outline_finish(struct outline *o)
 
 static bool inside(const struct outline *o, double i, double j, double slack)
 {
-    /* around a pole the last row stands half a cell off it: that disc belongs to it */
-    double slack_j = o->periodic ? 0.75 : slack;
     bool across = o->periodic || (i >= -slack && i <= o->width - 1 + slack);
-    return across && j >= -slack_j && j <= o->height - 1 + slack_j; /* false for NaN */
+    return across && j >= (o->pole[0] ? -0.75 : -slack) &&
+           j <= o->height - 1 + (o->pole[1] ? 0.75 : slack); /* false for NaN */
+}
+
+/* Ready for questions from places of the flat system; nothing else of *o is set. */
+static enum sv_status outline_map(struct outline *o, const struct sv_dem_source *s, const struct sv_crs *flat,
+                                  struct sv_error *error)
+{
+    *o = (struct outline){.width = s->width, .height = s->height};
+    enum sv_status status = sv_crs_transform_create(flat, s->crs, &o->source_from_flat, error);
+    if (status != SV_OK)
+        return status;
+    o->map = sv_raster_map_make(s->index, s->width, s->height, s->crs, o->source_from_flat);
+    const double *a = s->index;
+    double step = fabs(a[1]), quarter = o->map.turn / 4;
+    o->periodic =
+        o->map.turn > 0 && a[2] == 0 && a[4] == 0 && fabs(step * s->width - o->map.turn) < 0.5 * step;
+    o->pole[0] = o->periodic && fabs(a[3]) > quarter - 0.75 * fabs(a[5]);
+    o->pole[1] = o->periodic && fabs(a[3] + (s->height - 1) * a[5]) > quarter - 0.75 * fabs(a[5]);
+    return SV_OK;
 }
 
 /* True if `count` places evenly spaced from (x0, y0) to (x1, y1) lie inside. */
@@ -167,15 +186,11 @@ static enum sv_status walk_border(struct outline *o, const struct sv_dem_source 
 static enum sv_status outline_init(struct outline *o, const struct sv_dem_source *s,
                                    const struct sv_crs *flat, const char *path, struct sv_error *error)
 {
-    *o = (struct outline){.width = s->width, .height = s->height};
-    enum sv_status status = sv_crs_transform_create(flat, s->crs, &o->source_from_flat, error);
+    enum sv_status status = outline_map(o, s, flat, error);
     if (status == SV_OK)
         status = sv_crs_transform_create(s->crs, flat, &o->flat_from_source, error);
     if (status != SV_OK)
         return status;
-    o->map = sv_raster_map_make(s->index, s->width, s->height, s->crs, o->source_from_flat);
-    double step = fabs(s->index[1]);
-    o->periodic = o->map.turn > 0 && s->index[4] == 0 && fabs(step * s->width - o->map.turn) < 0.5 * step;
     return walk_border(o, s, flat, path, error);
 }
 
@@ -363,17 +378,14 @@ enum sv_status sv_dem_warp(const struct sv_dem_source *s, const float *h, const 
 {
     const struct sv_geo_grid *g = &plan->grid;
     size_t width = (size_t)g->width;
-    struct outline o = {.width = s->width, .height = s->height};
+    struct outline o = {0};
     double *u = malloc(2 * SV_RASTER_BAND_ROWS * width * sizeof *u), *v = u + SV_RASTER_BAND_ROWS * width;
     uint64_t count = 0;
     if (!u)
         return sv_fail(error, SV_ENOMEM, "", "out of memory");
-    enum sv_status status = sv_crs_transform_create(plan->crs, s->crs, &o.source_from_flat, error);
+    enum sv_status status = outline_map(&o, s, plan->crs, error);
     if (status != SV_OK)
         goto out;
-    o.map = sv_raster_map_make(s->index, s->width, s->height, s->crs, o.source_from_flat);
-    double step = fabs(s->index[1]);
-    o.periodic = o.map.turn > 0 && s->index[4] == 0 && fabs(step * s->width - o.map.turn) < 0.5 * step;
     for (int row = 0; row < g->height; row += SV_RASTER_BAND_ROWS) {
         status = sv_raster_map_band(&o.map, g, row, u, v, error);
         if (status != SV_OK)

@@ -120,12 +120,13 @@ struct sv_imagery_report {
     bool reduced;              /* averaged down to the texture limit */
     bool warped;               /* lies in another system than the scene, or askew */
     bool fitted;               /* has no georeference at all, and was laid over the whole (local) terrain */
+    uint64_t specks;           /* pixels of a photo at nodata that were kept as white or black: small, and not at the file's border */
     double covered;            /* share of the terrain's rectangle that has imagery, 0..1 */
 };
 
 /* Draws the imagery into rgba: RGBA u8 over exactly the field's rectangle, row 0 at the south, alpha 255 where there is imagery and 0 (all
- * four bytes) elsewhere: nodata (where all bands used have it), masks, alpha under one half, outside. Nothing else is taken
- * for a hole: black stays black. Size: the imagery's own resolution over that rectangle, 1 .. max_side a side (max_side 1 .. 65536).
+ * four bytes) elsewhere: nodata (where all bands used have it; not specks, see above), masks, alpha under one half, outside. Nothing else is
+ * taken for a hole: black stays black. Size: the imagery's own resolution over that rectangle, 1 .. max_side a side (max_side 1 .. 65536).
  * Bands: without options->bands the file's red, green and blue, else its palette, else bands 1, 2, 3 of three and more, else
  * band 1 as grey. Palettes are read by nearest sample and never averaged, the rest bilinear; too large imagery is averaged down first,
  * from the file's overviews where it has some. Other systems, degrees and rotated rasters are warped.

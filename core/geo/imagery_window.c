@@ -3,7 +3,9 @@
  *
  * A pixel is a hole where the file's mask or alpha says so, where every band used that declares nodata has it
  * (a photo with nodata 255 in each band keeps its reds), where a value is not finite, and where a palette has
- * no such entry or a transparent one. */
+ * no such entry or a transparent one. But a photo whose nodata is a colour that cameras see (white 255, black
+ * 0) has specks of it that are no holes: regions of under SPECK pixels that do not reach the file's border
+ * keep that colour. */
 #include "core/geo/imagery.h"
 
 #include <math.h>
@@ -12,7 +14,7 @@
 
 #include "core/geo/gdal_trap.h"
 
-enum { STRETCH_SAMPLES = 1 << 20 };
+enum { STRETCH_SAMPLES = 1 << 20, SPECK = 1024 /* pixels; a glint or a shadow, not a missing tile */ };
 
 /* ---- bands ---- */
 
@@ -55,11 +57,15 @@ enum sv_status sv_imagery_choose_bands(const struct sv_raster *r, const struct s
 
 /* ---- reading ---- */
 
+/* What is in reading.holes beside a count of bands: met by the flood that is under way, a speck, a hole by
+ * nodata, any other hole. */
+enum { FLOODED = 252, SPECKLE = 253, HOLE = 254, HOLE_FOR_SURE = 255 };
+
 struct reading {
     const struct sv_raster *raster;
     struct sv_imagery_window *w;
     GDALRasterIOExtraArg how; /* resampling */
-    uint8_t *holes;           /* a pixel: 255 a hole for sure, else the number of bands at nodata */
+    uint8_t *holes;           /* a pixel: the number of bands at nodata, or a state (below) */
     int declaring;            /* bands used that declare nodata */
 };
 
@@ -133,7 +139,7 @@ static CPLErr read_stretched(struct reading *r, GDALRasterBandH band, int channe
         if (has && is_nodata(v, nodata))
             r->holes[k]++;
         else if (!isfinite(v))
-            r->holes[k] = 255;
+            r->holes[k] = HOLE_FOR_SURE;
         double level = gain > 0 ? (v - range[0]) * gain : 128; /* one value all over: mid grey */
         r->w->rgba[4 * k + (size_t)channel] = (uint8_t)(level > 0 ? level < 255 ? level + 0.5 : 255 : 0);
     }
@@ -158,7 +164,7 @@ static CPLErr read_palette(struct reading *r, GDALRasterBandH band, double *scra
         to[1] = (uint8_t)e.c2;
         to[2] = (uint8_t)e.c3;
         if (e.c4 < 128)
-            r->holes[k] = 255;
+            r->holes[k] = HOLE_FOR_SURE;
     }
     return failed;
 }
@@ -187,16 +193,66 @@ static CPLErr read_bands(struct reading *r, struct sv_imagery_report *report, do
     return CE_None;
 }
 
-static CPLErr read_holes(struct reading *r, const struct sv_imagery_report *report)
+/* Floods from `seed` until SPECK pixels are met, the file's border, or what is known to be a hole: then all
+ * flooded are holes, too, else they are a speck. Every pixel is flooded once, so the whole is linear. */
+static void flood_speck(struct reading *r, uint32_t seed)
+{
+    uint32_t queue[SPECK];
+    size_t count = 0;
+    int width = r->w->width, height = r->w->height;
+    bool hole = false;
+    queue[count++] = seed;
+    r->holes[seed] = FLOODED;
+    for (size_t next = 0; next < count && !hole; next++) {
+        int i = (int)(queue[next] % (uint32_t)width), j = (int)(queue[next] / (uint32_t)width);
+        for (int k = 0; k < 8 && !hole; k++) {
+            static const int di[8] = {-1, 1, 0, 0, -1, 1, -1, 1}, dj[8] = {0, 0, -1, 1, -1, -1, 1, 1};
+            int x = i + di[k], y = j + dj[k];
+            if (x < 0 || y < 0 || x >= width || y >= height) {
+                /* the border of the part that was read is only the file's where the part reaches it */
+                hole = (x < 0 && r->w->x == 0) || (y < 0 && r->w->y == 0) ||
+                       (x >= width && r->w->x + r->w->span_x == r->raster->width) ||
+                       (y >= height && r->w->y + r->w->span_y == r->raster->height);
+                continue;
+            }
+            uint32_t at = (uint32_t)y * (uint32_t)width + (uint32_t)x;
+            if (r->holes[at] == HOLE || r->holes[at] == HOLE_FOR_SURE)
+                hole = true;
+            if (r->holes[at] != r->declaring)
+                continue;
+            hole = hole || count == SPECK;
+            if (!hole) {
+                r->holes[at] = FLOODED;
+                queue[count++] = at;
+            }
+        }
+    }
+    for (size_t k = 0; k < count; k++)
+        r->holes[queue[k]] = hole ? HOLE : SPECKLE;
+}
+
+static void find_specks(struct reading *r, struct sv_imagery_report *report)
+{
+    size_t n = (size_t)r->w->width * (size_t)r->w->height;
+    if (r->declaring == 0 || report->palette || report->rescaled)
+        return;
+    for (size_t k = 0; k < n; k++)
+        if (r->holes[k] == r->declaring)
+            flood_speck(r, (uint32_t)k);
+    for (size_t k = 0; k < n; k++)
+        report->specks += r->holes[k] == SPECKLE;
+}
+
+static CPLErr read_holes(struct reading *r, struct sv_imagery_report *report)
 {
     size_t n = (size_t)r->w->width * (size_t)r->w->height;
     GDALRasterBandH first = GDALGetRasterBand(r->raster->dataset, report->bands_used[0]);
     bool masked = sv_raster_has_mask(first);
     CPLErr failed = masked ? read_part(r, GDALGetMaskBand(first), r->w->rgba + 3, GDT_Byte, 4) : CE_None;
+    find_specks(r, report);
     for (size_t k = 0; !failed && k < n; k++) {
-        uint8_t *p = r->w->rgba + 4 * k;
-        bool hole =
-            r->holes[k] == 255 || (r->declaring > 0 && r->holes[k] == r->declaring) || (masked && p[3] < 128);
+        uint8_t *p = r->w->rgba + 4 * k, state = r->holes[k];
+        bool hole = state >= HOLE || (r->declaring > 0 && state == r->declaring) || (masked && p[3] < 128);
         p[3] = hole ? 0 : 255;
     }
     return failed;

@@ -13,7 +13,9 @@
 
 enum {
     FLAT_CELLS_MIN = 256, /* smaller border voids are scratches of the survey, not water */
-    SWEEPS = 12
+    SWEEPS =
+        16, /* on the finest level; twice as many on each coarser one, which has a quarter of the cells, */
+    SWEEPS_DOUBLED = 5 /* up to this level */
 };
 static const double FLAT_SPREAD_CELLS =
     0.1; /* rim counts as level: median - 10th percentile under a tenth of a cell ... */
@@ -171,11 +173,12 @@ static float prolong(const struct level *c, int i, int j)
                    t * ((1 - s) * (double)b[i0] + s * (double)b[i1]));
 }
 
-static void relax(struct level *l, const uint32_t *cells, size_t count)
+/* Gauss and Seidel, to and fro. No over-relaxation: every value stays a mean of its neighbours, so within the
+ * rim's range. */
+static void relax(struct level *l, const uint32_t *cells, size_t count, int sweeps)
 {
-    const double omega = 1.3; /* over-relaxation: highest factor that stayed smooth on one-cell-wide voids */
     uint32_t width = (uint32_t)l->width, height = (uint32_t)l->height;
-    for (int sweep = 0; sweep < SWEEPS; sweep++)
+    for (int sweep = 0; sweep < sweeps; sweep++)
         for (size_t k = 0; k < count; k++) {
             uint32_t at = cells[sweep & 1 ? count - 1 - k : k], i = at % width, j = at / width;
             double here = (double)l->h[at];
@@ -183,12 +186,12 @@ static void relax(struct level *l, const uint32_t *cells, size_t count)
             sum += i + 1 < width ? (double)l->h[at + 1] : here;
             sum += j > 0 ? (double)l->h[at - width] : here;
             sum += j + 1 < height ? (double)l->h[at + width] : here;
-            l->h[at] = (float)(here + (sweep == SWEEPS - 1 ? 1 : omega) * (0.25 * sum - here));
+            l->h[at] = (float)(0.25 * sum);
         }
 }
 
 /* Fills one level, given the next coarser one in full. */
-static bool refine(struct level *fine, const struct level *coarse)
+static bool refine(struct level *fine, const struct level *coarse, int sweeps)
 {
     size_t n = (size_t)fine->width * (size_t)fine->height, count = 0, k = 0;
     for (size_t at = 0; at < n; at++)
@@ -204,7 +207,7 @@ static bool refine(struct level *fine, const struct level *coarse)
             fine->h[at] = prolong(coarse, i, j);
             cells[k++] = (uint32_t)at;
         }
-    relax(fine, cells, count);
+    relax(fine, cells, count, sweeps);
     free(cells);
     return true;
 }
@@ -228,7 +231,7 @@ static bool solve_membrane(float *h, int width, int height)
         last++;
     }
     for (int l = last - 1; ok && l >= 0; l--)
-        ok = refine(&levels[l], &levels[l + 1]);
+        ok = refine(&levels[l], &levels[l + 1], SWEEPS << (l < SWEEPS_DOUBLED ? l : SWEEPS_DOUBLED));
     for (int l = 0; l <= last; l++) {
         free(levels[l].known);
         if (l > 0)
