@@ -68,12 +68,12 @@ static void make_trees(struct sv_scene *scene, const struct kit_options *o)
     struct sv_crown_bound bounds[SV_HABIT_COUNT];
     for (int k = 0; k < o->species; k++) {
         struct sv_tree_mesh mesh;
-        must(sv_tree_grow((enum sv_habit)(k % SV_HABIT_COUNT), o->leaves, o->seed + (uint64_t)k, &mesh, &error),
+        must(sv_tree_grow((enum sv_habit)(k % SV_HABIT_COUNT), o->leaves, (uint64_t)k + 1, &mesh, &error),
              &error, "sv_tree_grow");
         must(sv_tree_mesh_to_arena(&mesh, scene->arena, &species[k].mesh, &error), &error, "to_arena");
         sv_tree_mesh_finish(&mesh);
         snprintf(species[k].name, sizeof species[k].name, "%s", sv_habit_name((enum sv_habit)(k % SV_HABIT_COUNT)));
-        species[k].key = sv_mix64(o->seed * 31 + o->leaves) + (uint64_t)k;
+        species[k].key = sv_mix64(SV_GROW_VERSION * 31 + o->leaves) + (uint64_t)k; /* the same trees in every scene of a test */
         bounds[k % SV_HABIT_COUNT] = (struct sv_crown_bound){species[k].mesh.radius, 1, 0};
     }
     scene->species = species;
