@@ -56,7 +56,7 @@ struct sower {
     double min[2], max[2]; /* box of the darts */
     double cos_slope;      /* least z of a normal */
     double radius;         /* of the first pass */
-    double cell;           /* side, m; >= the widest disc */
+    double cell_x, cell_y; /* sides, m; >= the widest disc, or the whole box */
     int nx, ny;
     uint32_t *heads; /* first place of each cell, plus 1 */
     uint8_t *misses; /* of each cell; MISSES_MAX: given up */
@@ -131,13 +131,13 @@ static enum sv_status make_grid(struct sower *s, struct sv_error *error)
     double hexagonal =
         sqrt(wx * wy * allowed_share(s) * 1.1547005383792515 / s->spec->count); /* 2 / sqrt 3 */
     s->radius = FIRST_RADIUS * hexagonal > least ? FIRST_RADIUS * hexagonal : least;
-    s->cell = s->radius * (1 + RADIUS_SPREAD);
-    double coarsest = sqrt(wx * wy / (CELLS_MAX / 2));
-    s->cell = s->cell > coarsest ? s->cell : coarsest;
-    s->cell = s->cell > wx / (CELLS_MAX / 8) ? s->cell : wx / (CELLS_MAX / 8); /* a box thin as a thread */
-    s->cell = s->cell > wy / (CELLS_MAX / 8) ? s->cell : wy / (CELLS_MAX / 8);
-    s->nx = (int)floor(wx / s->cell) + 1;
-    s->ny = (int)floor(wy / s->cell) + 1;
+    /* Cells as small as the widest disc and the memory allow, dividing the box evenly. */
+    double widest = s->radius * (1 + RADIUS_SPREAD), coarsest = sqrt(wx * wy / (CELLS_MAX / 2));
+    double side = widest > coarsest ? widest : coarsest;
+    s->nx = (int)sv_clamp(floor(wx / side), 1, CELLS_MAX / 8);
+    s->ny = (int)sv_clamp(floor(wy / side), 1, CELLS_MAX / 8);
+    s->cell_x = wx / s->nx;
+    s->cell_y = wy / s->ny;
     size_t cells = (size_t)s->nx * (size_t)s->ny;
     s->heads = calloc(cells, sizeof *s->heads);
     s->misses = calloc(cells, sizeof *s->misses);
@@ -199,10 +199,10 @@ static bool sow_cell(struct sower *s, int pass, int i, int j, double radius, boo
     double r = radius * (double)s->widths[cell], least = s->spec->min_spacing_m;
     r = packing || r < least ? least : r;
     for (int dart = 0; dart < DARTS && s->misses[cell] < MISSES_MAX; dart++) {
-        double x = s->min[0] + (i + sv_rng_unit(&rng)) * s->cell,
-               y = s->min[1] + (j + sv_rng_unit(&rng)) * s->cell;
-        if (x > s->max[0] || y > s->max[1])
-            continue;
+        double x = s->min[0] + (i + sv_rng_unit(&rng)) * s->cell_x;
+        double y = s->min[1] + (j + sv_rng_unit(&rng)) * s->cell_y;
+        x = x < s->max[0] ? x : s->max[0]; /* rounding */
+        y = y < s->max[1] ? y : s->max[1];
         if (collides(s, i, j, x, y, r)) {
             s->report.rejected_spacing += packing;
             s->misses[cell] = (uint8_t)(s->misses[cell] + packing);
