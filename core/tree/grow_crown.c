@@ -60,12 +60,12 @@ static const struct crown_form FORMS[SV_HABIT_COUNT] = {
                          .trunk_top = 0.94,
                          .wobble = 0.006,
                          .fork_from = 0.05,
-                         .base = 0.06,
+                         .base = 0.045,
                          .radius = 0.098,
                          .widest = 0.3,
                          .low = 1.7,
-                         .high = 1.35,
-                         .lobes = 58,
+                         .high = 1.45,
+                         .lobes = 62,
                          .lobe_radius = 0.03,
                          .lobe_stretch = 3.8,
                          .outward = 0.3,
@@ -124,10 +124,12 @@ static double envelope(const struct crown_form *f, double z)
 static struct lobe random_lobe(const struct crown_form *f, struct sv_rng *rng)
 {
     double z, r;
-    do { /* heights by the envelope's width */
+    double u;
+    do { /* heights by the root of the envelope's width: crowded below, not bare at the tip */
         z = sv_rng_range(rng, f->base, 1);
         r = envelope(f, z);
-    } while (sv_rng_unit(rng) * f->radius > r);
+        u = sv_rng_unit(rng);
+    } while (u * u * f->radius > r);
     struct lobe lobe;
     lobe.radius = f->lobe_radius * sv_rng_range(rng, 0.75, 1.15) * (0.55 + 0.45 * r / f->radius);
     lobe.height = lobe.radius * f->lobe_stretch;

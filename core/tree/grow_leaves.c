@@ -30,15 +30,17 @@ static struct crown_measure measure_crown(const struct sv_grow_tree *tree)
         sv_grow_sincos(2 * SV_PI * k / SECTORS, &s[k], &c[k]);
     for (int i = 0; i < tree->bearer_count; i++) {
         const struct sv_grow_bearer *b = &tree->bearers[i];
-        struct sv_vec3 p = tree->nodes[b->first + b->count - 1].p;
-        double out = sqrt(p.x * p.x + p.y * p.y), best = -1;
-        int sector = 0, slice = (int)sv_clamp(p.z * SLICES, 0, SLICES - 1);
-        for (int k = 0; k < SECTORS; k++)
-            if (p.x * c[k] + p.y * s[k] > best)
-                best = p.x * c[k] + p.y * s[k], sector = k;
-        far_out[sector] = out > far_out[sector] ? out : far_out[sector];
-        wide[slice] = out > wide[slice] ? out : wide[slice];
-        m.centre = sv_madd(m.centre, p, b->weight);
+        for (int n = b->first; n < b->first + b->count; n++) {
+            struct sv_vec3 p = tree->nodes[n].p;
+            double out = sqrt(p.x * p.x + p.y * p.y), best = -1;
+            int sector = 0, slice = (int)sv_clamp(p.z * SLICES, 0, SLICES - 1);
+            for (int k = 0; k < SECTORS; k++)
+                if (p.x * c[k] + p.y * s[k] > best)
+                    best = p.x * c[k] + p.y * s[k], sector = k;
+            far_out[sector] = out > far_out[sector] ? out : far_out[sector];
+            wide[slice] = out > wide[slice] ? out : wide[slice];
+        }
+        m.centre = sv_madd(m.centre, tree->nodes[b->first + b->count - 1].p, b->weight);
         weight += b->weight;
     }
     double ground = 0, side = 0;
@@ -162,9 +164,10 @@ static struct leaf frond_leaf(const struct leaf_job *job, const struct sv_grow_b
     face_leaf(&leaf, sv_madd(sv_madd(upper, out, -0.45), sv_grow_random_unit(rng), style->wild));
     double profile = 0.35 + 0.65 * sv_grow_sin(SV_PI * sv_grow_pow(0.08 + 0.84 * along, 0.85));
     leaf.length = style->pinnate * b->weight * profile * sv_rng_range(rng, 0.92, 1.08);
-    /* 0.74 is the profile's mean: the mean card has the area asked for */
-    leaf.width = job->area / (style->pinnate * b->weight * 0.74) * (0.6 + 0.4 * profile);
-    leaf.width = leaf.width > 0.22 * leaf.length ? 0.22 * leaf.length : leaf.width;
+    /* 0.788 is the mean of profile * (0.6 + 0.4 profile) along a frond: the mean card has the area asked for
+     */
+    leaf.width = job->area / (style->pinnate * b->weight * 0.788) * (0.6 + 0.4 * profile);
+    leaf.width = leaf.width > 0.35 * leaf.length ? 0.35 * leaf.length : leaf.width;
     return leaf;
 }
 

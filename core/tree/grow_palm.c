@@ -34,7 +34,9 @@ static int build_trunk(struct sv_grow_tree *tree, struct sv_rng *rng)
     return last;
 }
 
-static void add_frond(struct sv_grow_tree *tree, int top, double age, double azimuth_rad, struct sv_rng *rng)
+/* stalk: what makes the pipe model's radius of one tip that of a frond's stalk. */
+static void add_frond(struct sv_grow_tree *tree, int top, double age, double azimuth_rad, double stalk,
+                      struct sv_rng *rng)
 {
     double s, c;
     sv_grow_sincos(azimuth_rad, &s, &c);
@@ -50,7 +52,7 @@ static void add_frond(struct sv_grow_tree *tree, int top, double age, double azi
     for (int k = 0; k <= FROND_NODES; k++) {
         double t = (double)k / FROND_NODES, es, ec;
         from = sv_grow_add(tree, p, from, SV_GROW_TWIG);
-        tree->nodes[from].swell = 0.16 + 0.84 * (1 - t) * (1 - 0.4 * t);
+        tree->nodes[from].swell = stalk * (0.16 + 0.84 * (1 - t) * (1 - 0.4 * t));
         sv_grow_sincos(elevation - bend * sv_grow_pow(t, 1.4), &es, &ec);
         double turn = twist * t;
         p = sv_madd(p, sv_normalize(sv_vec3(ec * (c - turn * s), ec * (s + turn * c), es)),
@@ -71,6 +73,7 @@ void sv_grow_palm(struct sv_grow_tree *tree, enum sv_habit habit, uint32_t leave
     int fronds = (int)(0.52 * sqrt((double)leaves) + 0.5);
     fronds = fronds < FRONDS_MIN ? FRONDS_MIN : fronds > FRONDS_MAX ? FRONDS_MAX : fronds;
     double turn = sv_rng_range(rng, 0, 2 * SV_PI);
+    double stalk = 0.11 * sv_grow_pow(fronds, 1 / 2.3); /* a ninth of the trunk, however many there are */
     for (int i = 0; i < fronds && !tree->failed; i++)
-        add_frond(tree, top, (i + 0.5) / fronds, turn + 2.39996322972865 * i, rng);
+        add_frond(tree, top, (i + 0.5) / fronds, turn + 2.39996322972865 * i, stalk, rng);
 }

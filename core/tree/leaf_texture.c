@@ -49,12 +49,23 @@ static double blade_width(const struct leaf_shape *shape, double y)
     return shape->half_width * sv_grow_pow(arch > 0 ? arch : 0, shape->fullness);
 }
 
-static struct leaf_sample blade(const struct leaf_shape *shape, double x, double y, double width,
-                                uint64_t seed)
+/* The blade's half width at (x, y), with the teeth of its rim. */
+static double toothed(const struct leaf_shape *shape, double ax, double y, double width)
 {
-    double ax = fabs(x), rib = 0.012 + 0.035 * (1 - y);
-    double tooth = shape->teeth * y - 0.6 * ax, w = width * (1 - shape->tooth_depth * (tooth - floor(tooth)));
-    struct leaf_sample out = {.inside = ax < w || (y < 0.10 && ax < 0.045)};
+    double tooth = shape->teeth * y - 0.6 * ax;
+    return width * (1 - shape->tooth_depth * (tooth - floor(tooth)));
+}
+
+static bool in_blade(const struct leaf_shape *shape, double x, double y, double width)
+{
+    double ax = fabs(x);
+    return ax < toothed(shape, ax, y, width) || (y < 0.10 && ax < 0.045); /* or on its stalk */
+}
+
+static void color_blade(const struct leaf_shape *shape, double x, double y, double width, uint64_t seed,
+                        double rgb[3])
+{
+    double ax = fabs(x), rib = 0.012 + 0.035 * (1 - y), w = toothed(shape, ax, y, width);
     double line = shape->veins * (y - shape->vein_slope * ax), phase = line - floor(line);
     double near_vein = fmin(phase, 1 - phase) / (shape->veins > 0 ? shape->veins : 1); /* in leaf lengths */
     double vein = shape->veins > 0 && near_vein < 0.010 ? 1 - near_vein / 0.010 : 0;
@@ -67,8 +78,7 @@ static struct leaf_sample blade(const struct leaf_shape *shape, double x, double
     if (shape->veins == 0)              /* parallel veins of a palm's leaflet */
         spots *= 1 + 0.06 * sv_grow_noise(24 * x + 24, 1.5 * y, 64, 64, seed + 2);
     for (int c = 0; c < 3; c++)
-        out.rgb[c] = (1 - mix) * shape->base[c] * pillow * spots * rim * fold + mix * shape->vein[c];
-    return out;
+        rgb[c] = (1 - mix) * shape->base[c] * pillow * spots * rim * fold + mix * shape->vein[c];
 }
 
 /* One layer of a spray: needles leave the stem at slope (lengthwise per crosswise); true on a needle, *shade
@@ -125,27 +135,45 @@ static uint8_t to_code(double v)
     return (uint8_t)sv_clamp(v + 0.5, 0, 255);
 }
 
-static void draw_texel(enum sv_habit habit, int variant, int i, int j, const double width[CELL * SAMPLES],
-                       uint64_t seed, uint8_t texel[4])
+static bool at_border(int i, int j)
 {
-    double rgb[3] = {0, 0, 0}, all[3] = {0, 0, 0};
+    return i < 2 || i >= CELL - 2 || j < 2; /* kept empty: cells do not bleed into one another */
+}
+
+/* A blade's texel: its outline from all samples, its smooth colour from the middle one. */
+static void draw_blade_texel(const struct leaf_shape *shape, int i, int j, const double width[CELL * SAMPLES],
+                             uint64_t seed, const double tint[3], uint8_t texel[4])
+{
     int inside = 0;
-    for (int k = 0; k < SAMPLES * SAMPLES; k++) {
+    for (int k = 0; k < SAMPLES * SAMPLES && !at_border(i, j); k++) {
         int row = j * SAMPLES + k / SAMPLES;
         double x = 2 * (i + (k % SAMPLES + 0.5) / SAMPLES) / CELL - 1, y = 1 - (row + 0.5) / (CELL * SAMPLES);
-        struct leaf_sample s =
-            habit == SV_HABIT_CONIFER ? spray(x, y, seed) : blade(&BLADES[habit], x, y, width[row], seed);
-        bool border = i < 2 || i >= CELL - 2 || j < 2; /* cells do not bleed into one another */
-        inside += s.inside && !border;
-        for (int c = 0; c < 3; c++) {
-            all[c] += s.rgb[c];
-            rgb[c] += s.inside ? s.rgb[c] : 0;
-        }
+        inside += in_blade(shape, x, y, width[row]);
     }
-    int samples = SAMPLES * SAMPLES;
+    double rgb[3];
+    color_blade(shape, 2 * (i + 0.5) / CELL - 1, 1 - (j + 0.5) / CELL, width[j * SAMPLES + SAMPLES / 2], seed,
+                rgb);
     for (int c = 0; c < 3; c++)
-        texel[c] = to_code(TINTS[variant][c] * (inside ? rgb[c] / inside : all[c] / samples));
-    texel[3] = (uint8_t)(255 * inside / samples);
+        texel[c] = to_code(tint[c] * rgb[c]);
+    texel[3] = (uint8_t)(255 * inside / (SAMPLES * SAMPLES));
+}
+
+/* A spray's texel: needles are about as thin as texels, so the colour is the mean of the samples on them. */
+static void draw_spray_texel(int i, int j, uint64_t seed, const double tint[3], uint8_t texel[4])
+{
+    double on[3] = {0, 0, 0}, off[3] = {0, 0, 0};
+    int inside = 0;
+    for (int k = 0; k < SAMPLES * SAMPLES; k++) {
+        double x = 2 * (i + (k % SAMPLES + 0.5) / SAMPLES) / CELL - 1;
+        double y = 1 - (j + (k / SAMPLES + 0.5) / SAMPLES) / CELL;
+        struct leaf_sample s = spray(x, y, seed);
+        inside += s.inside;
+        for (int c = 0; c < 3; c++)
+            *(s.inside ? &on[c] : &off[c]) += s.rgb[c];
+    }
+    for (int c = 0; c < 3; c++)
+        texel[c] = to_code(tint[c] * (inside ? on[c] / inside : off[c] / (SAMPLES * SAMPLES)));
+    texel[3] = at_border(i, j) ? 0 : (uint8_t)(255 * inside / (SAMPLES * SAMPLES));
 }
 
 enum sv_status sv_leaf_texture(enum sv_habit habit, uint64_t seed, struct sv_image *image, double *coverage,
@@ -165,7 +193,11 @@ enum sv_status sv_leaf_texture(enum sv_habit habit, uint64_t seed, struct sv_ima
             for (int i = 0; i < CELL; i++) {
                 size_t at = (size_t)((variant >> 1) * CELL + j) * SIDE + (size_t)((variant & 1) * CELL + i);
                 uint8_t *texel = (uint8_t *)out.data + 4 * at;
-                draw_texel(habit, variant, i, j, width, sv_mix64(seed + (uint64_t)variant * 1000), texel);
+                uint64_t grain = sv_mix64(seed + (uint64_t)variant * 1000);
+                if (habit == SV_HABIT_CONIFER)
+                    draw_spray_texel(i, j, grain, TINTS[variant], texel);
+                else
+                    draw_blade_texel(&BLADES[habit], i, j, width, grain, TINTS[variant], texel);
                 kept += texel[3] >= 128;
             }
     *image = out;

@@ -78,7 +78,7 @@ SV_MUST_CHECK enum sv_status sv_tree_mesh_load(const void *data, size_t bytes, s
 /* Fills radius, crown_base, crown_color and every vertex's occlusion from the geometry (voxel estimate of
  * leaf density: own derivation in mesh_measure.c), then checks the invariants above (finite, in range; base
  * at 0 and height 1 to 1e-3). Vertices, indices, materials and leaf_count must be there; what is_leaf, masked
- * and albedo say is used. Deterministic; about 10 ms and 8 MB, and 1 s per 3 million vertices. SV_EFORMAT
+ * and albedo say is used. Deterministic; some 50 ms and 3 MB, and 1 s per 3 million vertices. SV_EFORMAT
  * names the breach, SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_tree_mesh_measure(struct sv_tree_mesh *mesh, struct sv_error *error);
 

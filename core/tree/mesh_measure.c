@@ -14,17 +14,19 @@
  * what a flat world without the crown would give it is 1, so that the renderer's own normal term is not
  * counted twice. The ground is not an occluder.
  *
- * Thread: any, nothing is shared. Sums run in a fixed order: the same bytes on every machine with the same
- * exp(). */
+ * Thread: any, nothing is shared. Sums run in a fixed order and use no libm beyond sqrt and floor: the
+ * same occlusion on every machine. */
 #include "core/tree/mesh.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/base/color.h"
+#include "core/tree/grow_math.h"
 
-enum { GRID_LONGEST = 64, GRID_PAD = 2, RINGS = 4, COLOR_TRIANGLES = 8192 };
+enum { GRID_LONGEST = 64, GRID_PAD = 3, RINGS = 4, COLOR_TRIANGLES = 8192 };
 
 /* Samples that a large triangle is spread over at most: 1/64 of a trunk face is far below a voxel. */
 enum { SAMPLES_MAX = 4096 };
@@ -83,7 +85,9 @@ static size_t grid_cell(const struct grid *g, const float p[3], float w[3])
     int n[3] = {g->nx, g->ny, g->nz}, cell[3];
     for (int a = 0; a < 3; a++) {
         float t = (p[a] - g->origin[a]) / g->step;
-        t = fminf(fmaxf(t, 0), (float)(n[a] - 1) - 1e-3f);
+        float last = (float)(n[a] - 1) - 1e-3f;
+        t = t > 0 ? t : 0;
+        t = t < last ? t : last;
         cell[a] = (int)t;
         w[a] = t - (float)cell[a];
     }
@@ -212,40 +216,78 @@ static void deposit(struct grid *g, const struct sv_tree_mesh *mesh, const struc
     }
 }
 
+/* exp(-x) for x >= 0, relative error 2e-7, taken at 80 beyond: 2^whole times a Taylor polynomial. Its own,
+ * because libm's expf has other last bits on other machines (and one call a node is slow). */
+static inline float decay(float x)
+{
+    float y = -1.44269504f * (x < 80 ? x : 80);
+    int whole = (int)(y - 0.5f); /* y <= 0: to the nearest */
+    float f = (y - (float)whole) * 0.69314718f;
+    float p = 1 + f * (1 + f * (1 / 2.0f + f * (1 / 6.0f + f * (1 / 24.0f + f * (1 / 120.0f + f / 720.0f)))));
+    uint32_t bits = (uint32_t)(whole + 127) << 23;
+    float scale;
+    memcpy(&scale, &bits, sizeof scale);
+    return p * scale;
+}
+
+/* The four nodes of the plane before that the light of a node comes through: offsets and weights. */
+struct upwind {
+    ptrdiff_t at[4];
+    float weight[4], path;
+};
+
+/* One row of nodes, `stride` apart, from the plane before at l0 (light) and s0 (extinction): the planes never
+ * overlap. */
+static inline void sweep_row(const struct upwind *up, const float *restrict l0, const float *restrict s0,
+                             const float *restrict sigma, float *restrict light, ptrdiff_t count,
+                             ptrdiff_t stride)
+{
+    const float *l1 = l0 + up->at[1], *l2 = l0 + up->at[2], *l3 = l0 + up->at[3];
+    const float *s1 = s0 + up->at[1], *s2 = s0 + up->at[2], *s3 = s0 + up->at[3];
+    const float *w = up->weight, path = 0.5f * up->path;
+    l0 += up->at[0];
+    s0 += up->at[0];
+    for (ptrdiff_t i = 0; i < count * stride; i += stride) {
+        float l = w[0] * l0[i] + w[1] * l1[i] + w[2] * l2[i] + w[3] * l3[i];
+        float s = sigma[i] + w[0] * s0[i] + w[1] * s1[i] + w[2] * s2[i] + w[3] * s3[i];
+        l *= decay(path * s);
+        light[i] = l > 1e-12f ? l : 0; /* denormal numbers are slow */
+    }
+}
+
 /* Fills g->light with the share of light that comes from the unit direction d (towards the light, d[2] > 0).
- */
+ * The outermost nodes stay at 1: on the light's side that is the truth, on the others nothing reads them. */
 static void sweep(struct grid *g, const float d[3])
 {
     int n[3] = {g->nx, g->ny, g->nz};
-    size_t stride[3] = {1, (size_t)g->nx, (size_t)g->nx * (size_t)g->ny};
+    size_t stride[3] = {1, (size_t)g->nx, (size_t)g->nx * (size_t)g->ny}, count = stride[2] * (size_t)g->nz;
+    for (size_t i = 0; i < count; i++)
+        g->light[i] = 1;
     int major = 0;
     for (int a = 1; a < 3; a++)
         if (fabsf(d[a]) > fabsf(d[major]))
             major = a;
-    int u = (major + 1) % 3, v = (major + 2) % 3;
+    int u = major == 0 ? 1 : 0, v = major == 2 ? 1 : 2;
     int forward = d[major] > 0 ? 1 : -1; /* light comes from the plane at +forward */
     float du = d[u] / fabsf(d[major]), dv = d[v] / fabsf(d[major]);
-    float path = g->step / fabsf(d[major]);
     int cu = (int)floorf(du), cv = (int)floorf(dv);
     float wu = du - (float)cu, wv = dv - (float)cv;
-    for (int s = 0; s < n[major]; s++) {
-        int plane = forward > 0 ? n[major] - 1 - s : s;
-        for (int j = 0; j < n[v]; j++)
-            for (int i = 0; i < n[u]; i++) {
-                size_t at = (size_t)plane * stride[major] + (size_t)i * stride[u] + (size_t)j * stride[v];
-                float light = 0, sigma = 0;
-                for (int k = 0; k < 4; k++) {
-                    int x = i + cu + (k & 1), y = j + cv + (k >> 1);
-                    float w = (k & 1 ? wu : 1 - wu) * (k >> 1 ? wv : 1 - wv);
-                    bool outside = s == 0 || x < 0 || y < 0 || x >= n[u] || y >= n[v];
-                    size_t from = outside ? 0
-                                          : (size_t)(plane + forward) * stride[major] +
-                                                (size_t)x * stride[u] + (size_t)y * stride[v];
-                    light += w * (outside ? 1 : g->light[from]);
-                    sigma += w * (outside ? 0 : g->sigma[from]);
-                }
-                g->light[at] = light * expf(-0.5f * (sigma + g->sigma[at]) * path);
-            }
+    struct upwind up = {.path = g->step / fabsf(d[major])};
+    for (int k = 0; k < 4; k++) {
+        up.at[k] = forward * (ptrdiff_t)stride[major] + (cu + (k & 1)) * (ptrdiff_t)stride[u] +
+                   (cv + (k >> 1)) * (ptrdiff_t)stride[v];
+        up.weight[k] = (k & 1 ? wu : 1 - wu) * (k >> 1 ? wv : 1 - wv);
+    }
+    for (int s = 1; s < n[major]; s++) {
+        size_t plane = (size_t)(forward > 0 ? n[major] - 1 - s : s) * stride[major];
+        for (int j = 1; j < n[v] - 1; j++) {
+            size_t at = plane + (size_t)j * stride[v] + stride[u];
+            const float *l = g->light + at, *s0 = g->sigma + at;
+            if (u == 0) /* along x, side by side: the compiler makes vectors of it */
+                sweep_row(&up, l, s0, s0, g->light + at, n[u] - 2, 1);
+            else
+                sweep_row(&up, l, s0, s0, g->light + at, n[u] - 2, (ptrdiff_t)stride[u]);
+        }
     }
 }
 
@@ -262,8 +304,10 @@ static struct sky make_sky(void)
             double z = (r + 0.5) / RINGS, across = sqrt(1 - z * z),
                    turn = (k + (r * 0.618 + 0.1)) * (SV_PI / 2);
             float *d = sky.d[4 * r + k];
-            d[0] = (float)(across * cos(turn));
-            d[1] = (float)(across * sin(turn));
+            double s, c;
+            sv_grow_sincos(turn, &s, &c);
+            d[0] = (float)(across * c);
+            d[1] = (float)(across * s);
             d[2] = (float)z;
             sky.weight[4 * r + k] = (float)((1 + 2 * z) / 3);
         }
@@ -290,8 +334,10 @@ static void gather(const struct grid *g, const struct sky *sky, int direction,
         /* Wood looks out from a voxel off its surface, so that it does not shade itself. */
         for (int a = 0; a < 3; a++)
             p[a] = v->position[a] + (leafy[i] ? 0 : 1.2f * g->step * n[a]);
-        if (!leafy[i]) /* the floor of 0.05 gives faces that look down a mean of what there is */
-            weight *= fmaxf(n[0] * d[0] + n[1] * d[1] + n[2] * d[2], 0.05f);
+        if (!leafy[i]) { /* the floor of 0.05 gives faces that look down a mean of what there is */
+            float cosine = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+            weight *= cosine > 0.05f ? cosine : 0.05f;
+        }
         sum[i] += weight * grid_get(g, p);
         total[i] += weight;
     }
