@@ -321,11 +321,40 @@ static void test_axes(void **state)
     assert_true(fabsf(lo[0] - 2) < 1e-4f && fabsf(hi[0] - 3) < 1e-4f);
     assert_true(fabsf(lo[1] + 1) < 1e-4f && fabsf(hi[1]) < 1e-4f);
     assert_true(fabsf(lo[2] - 6) < 1e-4f);
+    const float *uv =
+        in.mesh.vertices[in.mesh.indices[leaf->first_index]].uv; /* vt 0 0: the picture's lower left */
+    assert_true(uv[0] == 0 && uv[1] == 1);
     float north = -9;
     for (uint32_t i = 0; i < in.mesh.vertex_count; i++)
         north = fmaxf(north, in.mesh.vertices[i].position[1] * 10);
     assert_true(fabsf(north - 6) < 1e-4f); /* z = -26 is 6 north of the trunk at -20 */
     drop(&in);
+}
+
+/* Without a trunk the model's own origin stands, or the middle of the ground plan when the origin is far off.
+ */
+static void test_no_trunk(void **state)
+{
+    (void)state;
+    static struct maker m;
+    struct imported in;
+    for (int far = 0; far < 2; far++) {
+        make_tree(&m, "", "leaves", "leaves", 6, 1, far ? 1000 : 0.5, 0, far ? 700 : 0.25);
+        import_file(write_text("t.obj", m.text), &in);
+        float lo[2] = {9, 9}, hi[2] = {-9, -9};
+        for (uint32_t i = 0; i < in.mesh.vertex_count; i++)
+            for (int c = 0; c < 2; c++) {
+                lo[c] = fminf(lo[c], in.mesh.vertices[i].position[c]);
+                hi[c] = fmaxf(hi[c], in.mesh.vertices[i].position[c]);
+            }
+        assert_true(noted(&in, "no trunk") == far);
+        if (far)
+            assert_true(fabsf(lo[0] + hi[0]) < 1e-4f && fabsf(lo[1] + hi[1]) < 1e-4f);
+        else /* the tube's four sides are at 0.5 +- 0.3 east, 0.25 +- 0.3 south of the origin */
+            assert_true(fabsf(in.mesh.vertices[0].position[0] - 0.02f) < 1e-5f &&
+                        fabsf(in.mesh.vertices[0].position[1] - 0.005f) < 1e-5f);
+        drop(&in);
+    }
 }
 
 /* Wood without normals faces outward whichever way it was wound, and is smooth over 60 degrees only: the
@@ -435,6 +464,8 @@ static void test_leaves(void **state)
         const struct sv_tree_material *q = &in.mesh.materials[k];
         assert_true(q->is_leaf == q->masked);
         assert_int_equal(q->index_count / 3, q->is_leaf ? 10 : 16);
+        for (int c = 0; c < 4; c++) /* no Kd: the reader's grey beside a texture is no tint */
+            assert_true(q->base_color[c] == 1);
     }
     assert_int_equal(in.notes.count, 0);
     drop(&in);
@@ -518,7 +549,8 @@ static void test_nodes(void **state)
         "\"nodes\":[{\"mesh\":0,\"scale\":[-2,4,1],\"translation\":[10,0,0]},{\"mesh\":0,\"rotation\":[0,0."
         "70710678,0,0.70710678]}],"
         "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0,\"NORMAL\":1},\"material\":0}]}],"
-        "\"materials\":[{\"name\":\"bark\",\"pbrMetallicRoughness\":{\"baseColorFactor\":[0.25,0.5,0.75,0.3]}"
+        "\"materials\":[{\"name\":\"foliage\",\"pbrMetallicRoughness\":{\"baseColorFactor\":[0.25,0.5,0.75,0."
+        "3]}"
         "}],"
         "\"buffers\":[{\"uri\":\"t.bin\",\"byteLength\":72}],"
         "\"bufferViews\":[{\"buffer\":0,\"byteOffset\":0,\"byteLength\":36},{\"buffer\":0,\"byteOffset\":36,"
@@ -634,12 +666,10 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_models),  cmocka_unit_test(test_same_tree),   cmocka_unit_test(test_places),
-        cmocka_unit_test(test_axes),    cmocka_unit_test(test_normals),     cmocka_unit_test(test_broken),
-        cmocka_unit_test(test_leaves),  cmocka_unit_test(test_opacity_map), cmocka_unit_test(test_nodes),
-        cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_models), cmocka_unit_test(test_same_tree), cmocka_unit_test(test_places),
+        cmocka_unit_test(test_axes),   cmocka_unit_test(test_no_trunk),  cmocka_unit_test(test_normals),
+        cmocka_unit_test(test_broken), cmocka_unit_test(test_leaves),    cmocka_unit_test(test_opacity_map),
+        cmocka_unit_test(test_nodes),  cmocka_unit_test(test_refused),
     };
-    int failed = cmocka_run_group_tests(tests, setup, teardown);
-    fflush(stdout);
-    _exit(failed ? 1 : 0); /* the libraries' static destructors are not under test */
+    return cmocka_run_group_tests(tests, setup, teardown);
 }
