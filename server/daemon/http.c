@@ -20,6 +20,8 @@ enum { ANSWER_FIELDS_BYTES = 16384 };
 /* Bodies over the limit without a Content-Length are read and thrown away up to here, so that 413 can be
  * said. */
 enum { DISCARD_BYTES = 1 << 20 };
+/* How soon to look again at a half-closed connection whose last bytes libmicrohttpd has not taken yet. */
+static const double look_again_ms = 5;
 
 static void cut(void *context)
 {
@@ -42,6 +44,50 @@ static void clear_deadline(struct sv_connection *connection)
 
 /* ---- connections ---- */
 
+static void tell_owner_gone(struct sv_exchange *exchange);
+
+static void end_connection(struct sv_connection *connection)
+{
+    struct sv_exchange *exchange = connection->exchange;
+    shutdown(connection->fd, SHUT_RDWR);
+    if (!exchange || !exchange->private_->suspended)
+        return;
+    exchange->private_->suspended = false;
+    connection->http->run_now = true;
+    MHD_resume_connection(connection->mhd);
+}
+
+/* The peer has closed its side. libmicrohttpd is not told while the exchange is suspended, and misses it when
+ * the end came together with the last bytes (its edge-triggered event is spent on those). A request that
+ * waits for its answer is given up, one that can never be whole is ended, one that is being answered is left
+ * alone. */
+static void look_at_half_closed(void *context)
+{
+    struct sv_connection *connection = context;
+    struct sv_exchange *exchange = connection->exchange;
+    char byte;
+    if (exchange && exchange->private_->answered)
+        return; /* on_completed looks again */
+    if (exchange && exchange->private_->dispatched) {
+        tell_owner_gone(exchange);
+        end_connection(connection);
+        return;
+    }
+    if (recv(connection->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) <= 0)
+        end_connection(connection);
+    else if (sv_loop_arm(connection->http->options.loop, &connection->look,
+                         sv_loop_now_ms() + look_again_ms) != SV_OK)
+        end_connection(connection);
+}
+
+static void on_peer_closed(void *context, uint32_t events)
+{
+    struct sv_connection *connection = context;
+    (void)events;
+    connection->half_closed = true;
+    look_at_half_closed(connection);
+}
+
 static void connection_opens(struct sv_http *http, struct MHD_Connection *mhd, void **slot)
 {
     struct sv_connection *connection = calloc(1, sizeof *connection);
@@ -52,6 +98,12 @@ static void connection_opens(struct sv_http *http, struct MHD_Connection *mhd, v
         return;
     *connection = (struct sv_connection){.http = http, .mhd = mhd, .fd = info->connect_fd};
     connection->deadline = (struct sv_timer){.due = cut, .context = connection};
+    connection->look = (struct sv_timer){.due = look_at_half_closed, .context = connection};
+    struct sv_error error;
+    if (sv_loop_watch(http->options.loop, connection->fd, EPOLLRDHUP | EPOLLET, on_peer_closed, connection,
+                      &connection->watch, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "connection", "%s",
+               error.message); /* its end is then noticed by its deadlines */
     set_deadline(connection, (double)http->options.settings->accept_deadline_ms);
 }
 
@@ -65,9 +117,13 @@ static void on_connection(void *context, struct MHD_Connection *mhd, void **slot
     }
     struct sv_connection *connection = *slot;
     http->connections--;
+    http->run_now =
+        true; /* at its limit libmicrohttpd looks for new connections only at the start of a run */
     if (!connection)
         return;
     clear_deadline(connection);
+    sv_loop_disarm(http->options.loop, &connection->look);
+    sv_loop_unwatch(http->options.loop, connection->watch);
     free(connection);
     *slot = NULL;
 }
@@ -108,7 +164,6 @@ static void exchange_destroy(struct sv_exchange *exchange)
     *(p->previous ? &p->previous->private_->next : &http->exchanges) = p->next;
     if (p->next)
         p->next->private_->previous = p->previous;
-    sv_loop_unwatch(http->options.loop, p->watch);
     http->active--;
     p->connection->exchange = NULL;
     sv_exchange_finish(exchange);
@@ -193,6 +248,9 @@ static void on_completed(void *context, struct MHD_Connection *mhd, void **slot,
     exchange_destroy(exchange);
     set_deadline(connection, (double)(http->options.settings->keep_alive_s * 1000 +
                                       http->options.settings->accept_deadline_ms));
+    if (connection->half_closed &&
+        sv_loop_arm(http->options.loop, &connection->look, sv_loop_now_ms()) != SV_OK)
+        shutdown(connection->fd, SHUT_RDWR);
 }
 
 /* ---- a request, checked ---- */
@@ -328,23 +386,6 @@ static enum MHD_Result take_body(struct sv_exchange *exchange, const char *bytes
     return MHD_YES;
 }
 
-static void on_peer_gone(void *context, uint32_t events)
-{
-    struct sv_exchange *exchange = context;
-    struct sv_exchange_private *p = exchange->private_;
-    struct sv_http *http = p->connection->http;
-    (void)events;
-    sv_loop_unwatch(http->options.loop, p->watch);
-    p->watch = NULL;
-    tell_owner_gone(exchange);
-    shutdown(p->connection->fd, SHUT_RDWR);
-    if (p->suspended) {
-        p->suspended = false;
-        http->run_now = true;
-        MHD_resume_connection(p->connection->mhd);
-    }
-}
-
 static enum MHD_Result send_answer(struct sv_exchange *exchange)
 {
     struct sv_connection *connection = exchange->private_->connection;
@@ -370,15 +411,12 @@ static enum MHD_Result dispatch(struct sv_exchange *exchange)
         clear_deadline(p->connection);
         http->options.handler(http->options.context, exchange);
     }
+    if (p->connection->half_closed)
+        tell_owner_gone(exchange);
     if (p->gone)
         return MHD_NO;
     if (p->answered)
         return send_answer(exchange);
-    struct sv_error error;
-    if (sv_loop_watch(http->options.loop, p->connection->fd, EPOLLRDHUP, on_peer_gone, exchange, &p->watch,
-                      &error) != SV_OK)
-        sv_log(SV_LOG_WARNING, "watch", "%s",
-               error.message); /* a client that goes is then noticed at its answer */
     p->suspended = true;
     MHD_suspend_connection(p->connection->mhd);
     return MHD_YES;
@@ -411,8 +449,6 @@ void sv_exchange_answer(struct sv_exchange *exchange, unsigned status)
     exchange->status = status;
     p->answered = true;
     struct sv_http *http = p->connection->http;
-    sv_loop_unwatch(http->options.loop, p->watch);
-    p->watch = NULL;
     if (p->suspended) {
         p->suspended = false;
         http->run_now = true;

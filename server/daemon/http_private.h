@@ -9,15 +9,16 @@
 struct sv_connection {
     struct sv_http *http;
     struct MHD_Connection *mhd;
-    int fd; /* libmicrohttpd's */
-    struct sv_timer deadline;
-    struct sv_exchange *exchange; /* the current one; NULL between requests */
+    int fd;                         /* libmicrohttpd's */
+    struct sv_timer deadline, look; /* look: at a half-closed connection, soon */
+    struct sv_watch *watch;         /* of the peer's closing */
+    bool half_closed;               /* the peer will send nothing more */
+    struct sv_exchange *exchange;   /* the current one; NULL between requests */
 };
 
 struct sv_exchange_private {
     struct sv_connection *connection;
     struct sv_exchange *next, *previous; /* of all exchanges */
-    struct sv_watch *watch;              /* of the descriptor, while suspended */
     char *target;
     size_t body_room;
     bool begun;      /* header fields are there */
