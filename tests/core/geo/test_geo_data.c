@@ -125,7 +125,8 @@ static void gabon_twice(void **state)
     enum { N = 20000 };
     for (int k = 0; k < N; k++) {
         double x = sv_rng_range(&rng, a.f.x0 + 500, sv_heightfield_x1(&a.f) - 500);
-        double y = sv_rng_range(&rng, a.f.y0 + 500, sv_heightfield_y1(&a.f) - 500), za, zb, zc;
+        double y = sv_rng_range(&rng, a.f.y0 + 500, sv_heightfield_y1(&a.f) - 500);
+        double za = NAN, zb = NAN, zc = NAN;
         assert_true(sv_heightfield_height(&a.f, x, y, &za) && sv_heightfield_height(&b.f, x, y, &zb) &&
                     sv_heightfield_height(&b.f, x + 46, y + 46, &zc));
         sum += fabs(za - zb);
