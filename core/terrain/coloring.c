@@ -12,6 +12,7 @@
 
 #include "core/base/color.h"
 #include "core/base/rng.h"
+#include "core/terrain/imagery_tone.h"
 #include "core/terrain/land_form.h"
 
 enum { TEXELS_MAX = 4096, FACTOR_MAX = 4, TILE = 512 };
@@ -254,46 +255,47 @@ static int texels_for(int samples, double cell_m)
     return texels > TEXELS_MAX ? TEXELS_MAX : texels;
 }
 
-/* The natural colour of texel (i, j), with imagery over it. */
-static void paint_texel(const struct painter *p, const struct sv_image *albedo, const uint8_t *over, int i,
-                        int j, uint8_t *out)
+/* The natural colour of texel (i, j), with what the albedo already holds, imagery, over it. */
+static void paint_texel(const struct painter *p, const struct sv_image *albedo, int i, int j, uint8_t *texel)
 {
-    out[3] = 255;
-    if (over && over[3] == 255) {
-        memcpy(out, over, 3);
-        return;
-    }
     struct rgb c = color_at(p, (i + 0.5) / albedo->width, (j + 0.5) / albedo->height);
-    if (over && over[3]) {
-        struct rgb o = {sv_linear_from_srgb8[over[0]], sv_linear_from_srgb8[over[1]],
-                        sv_linear_from_srgb8[over[2]]};
-        c = mix_rgb(c, o, over[3] / 255.0f);
+    if (texel[3]) {
+        struct rgb o = {sv_linear_from_srgb8[texel[0]], sv_linear_from_srgb8[texel[1]],
+                        sv_linear_from_srgb8[texel[2]]};
+        c = mix_rgb(c, o, texel[3] / 255.0f);
     }
-    out[0] = sv_srgb8_from_linear(c.r);
-    out[1] = sv_srgb8_from_linear(c.g);
-    out[2] = sv_srgb8_from_linear(c.b);
+    texel[0] = sv_srgb8_from_linear(c.r);
+    texel[1] = sv_srgb8_from_linear(c.g);
+    texel[2] = sv_srgb8_from_linear(c.b);
+    texel[3] = 255;
 }
 
-static void paint(struct painter *p, const struct sv_image *imagery, const struct sv_image *albedo)
+static void paint(struct painter *p, const struct sv_image *albedo)
 {
-    const uint8_t *over = imagery ? imagery->data : NULL;
-    uint8_t *out = albedo->data;
+    uint8_t *texel = albedo->data;
     for (int j = 0; j < albedo->height; j++)
-        for (int i = 0; i < albedo->width; i++, out += 4, over += over ? 4 : 0)
-            paint_texel(p, albedo, over, i, j, out);
+        for (int i = 0; i < albedo->width; i++, texel += 4)
+            if (texel[3] != 255)
+                paint_texel(p, albedo, i, j, texel);
 }
 
-static bool covers_all(const struct sv_image *imagery)
+/* Imagery into the albedo, of its size, toned where it is raw; returns whether all of it is opaque. */
+static bool lay_imagery(const struct sv_image *imagery, const struct sv_image *albedo)
 {
-    const uint8_t *p = imagery->data;
-    for (size_t k = 0; k < (size_t)imagery->width * (size_t)imagery->height; k++)
-        if (p[4 * k + 3] != 255)
-            return false;
-    return true;
+    const uint8_t *from = imagery->data;
+    uint8_t *to = albedo->data, table[3][256];
+    bool opaque = true;
+    (void)sv_imagery_tone(imagery, table);
+    for (size_t k = 0; k < (size_t)albedo->width * (size_t)albedo->height; k++, from += 4, to += 4) {
+        for (int c = 0; c < 3; c++)
+            to[c] = table[c][from[c]];
+        to[3] = from[3];
+        opaque = opaque && from[3] == 255;
+    }
+    return opaque;
 }
 
-static enum sv_status paint_natural(struct sv_terrain *terrain, const struct sv_image *imagery,
-                                    double latitude_deg, struct sv_error *error)
+static enum sv_status paint_natural(struct sv_terrain *terrain, double latitude_deg, struct sv_error *error)
 {
     const struct sv_heightfield *f = &terrain->field;
     struct painter p = {.field = f, .climate = climate_at(latitude_deg)};
@@ -310,7 +312,7 @@ static enum sv_status paint_natural(struct sv_terrain *terrain, const struct sv_
         p.middle_scale = p.near_scale / 4.3;
         p.far_scale = TILE / fmax(2300, 9 * near_period_m);
         fill_tile(p.tile);
-        paint(&p, imagery, &terrain->albedo);
+        paint(&p, &terrain->albedo);
         sv_land_form_finish(&p.form);
     }
     free(p.tile);
@@ -336,9 +338,7 @@ enum sv_status sv_terrain_color(struct sv_terrain *terrain, const struct sv_imag
         return status;
     fill_normals(f, &terrain->normal);
     terrain->has_imagery = imagery != NULL;
-    if (imagery && covers_all(imagery)) {
-        memcpy(terrain->albedo.data, imagery->data, sv_image_bytes(imagery));
+    if (imagery && lay_imagery(imagery, &terrain->albedo))
         return SV_OK;
-    }
-    return paint_natural(terrain, imagery, latitude_deg, error);
+    return paint_natural(terrain, latitude_deg, error);
 }

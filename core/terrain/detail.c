@@ -150,7 +150,7 @@ enum sv_status sv_terrain_detail_init(struct sv_error *error)
     fill_blades(values, lattice);
     quantize(values, 0.34, 0);
     fill_noise(values, &(struct noise_sum){23, 10, 6, 0.72}, lattice);
-    quantize(values, 0.20, 1);
+    quantize(values, 0.16, 1);
     fill_noise(values, &(struct noise_sum){37, 12, 4, 0.6}, lattice);
     quantize(values, 0.30, 2);
     fill_noise(values, &(struct noise_sum){51, 24, 5, 0.85}, lattice);
@@ -265,7 +265,7 @@ void sv_terrain_detail_apply(double x, double y, double pixel_m, double n_dot_v,
                 *fine = tile[SV_DETAIL_FINE];
     float veg = step_between(0, 0.03f, albedo[1] - albedo[0]); /* blades where it is green, grit elsewhere */
     float level = (1 + broad[1]) * (1 + coarse[1]) * (1 + fine[3] + (fine[0] - fine[3]) * veg);
-    float hue = 0.18f * (broad[2] + coarse[2]);
+    float hue = 0.12f * (broad[2] + coarse[2]);
     albedo[0] *= level * (1 + hue);
     albedo[1] *= level;
     albedo[2] *= level * (1 - hue);

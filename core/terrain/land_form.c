@@ -236,17 +236,45 @@ static void fill_shore(struct sv_land_form *form)
             }
 }
 
-/* Flats of at least 0.05 km^2 and 300 samples are sea. */
-static void fill_sea(struct sv_land_form *form, uint8_t *mark, uint32_t *stack)
+/* Level to the centimetre, and low: filled voids of a sea lie at the height of its rim. */
+static bool looks_like_filled_sea(const struct sv_land_form *form, int i, int j)
 {
-    double cell = form->dx * form->dy;
-    size_t least = (size_t)fmax(300, 5e4 / cell);
-    for (int j = 0; j < form->height; j++)
-        for (int i = 0; i < form->width; i++)
-            mark[(size_t)j * (size_t)form->width + (size_t)i] = looks_like_sea(form, i, j);
+    float z = sample_at(form, i, j)->z;
+    bool level = z <= 10;
+    for (int b = j - 1; b <= j + 1 && level; b++)
+        for (int a = i - 1; a <= i + 1; a++)
+            level =
+                level &&
+                fabsf(
+                    sample_at(form, clamp_int(a, 0, form->width - 1), clamp_int(b, 0, form->height - 1))->z -
+                    z) < 0.01f;
+    return level;
+}
+
+/* Makes sea (mark 3) of the connected regions of mark 1 that have at least so many samples, nothing (0) of
+ * the others. */
+static void keep_large(const struct sv_land_form *form, uint8_t *mark, size_t least, uint32_t *stack)
+{
     for (size_t k = 0; k < count_of(form); k++)
         if (mark[k] == 1)
             flood(form, mark, (uint32_t)k, flood(form, mark, (uint32_t)k, 2, stack) < least ? 0 : 3, stack);
+}
+
+/* Flats near sea level of at least 0.05 km^2 and 300 samples are sea, level ones up to 10 m if ten times as
+ * large. A field that is level everywhere tells nothing, and is land. */
+static void fill_sea(struct sv_land_form *form, uint8_t *mark, uint32_t *stack, double range_m)
+{
+    double least = fmax(300, 5e4 / (form->dx * form->dy));
+    for (int j = 0; j < form->height; j++)
+        for (int i = 0; i < form->width; i++)
+            mark[(size_t)j * (size_t)form->width + (size_t)i] = range_m > 0.01 && looks_like_sea(form, i, j);
+    keep_large(form, mark, (size_t)least, stack);
+    for (int j = 0; j < form->height; j++)
+        for (int i = 0; i < form->width; i++) {
+            uint8_t *m = &mark[(size_t)j * (size_t)form->width + (size_t)i];
+            *m = *m == 0 && range_m > 0.01 && looks_like_filled_sea(form, i, j) ? 1 : *m;
+        }
+    keep_large(form, mark, (size_t)(10 * least), stack);
     for (size_t k = 0; k < count_of(form); k++) {
         form->samples[k].sea = mark[k] == 3;
         form->samples[k].shore = mark[k] == 3 ? 0 : 1000;
@@ -279,7 +307,7 @@ enum sv_status sv_land_form_init(const struct sv_heightfield *field, struct sv_l
     fill_slopes(&made);
     fill_curvature(&made, a, b);
     fill_wetness(&made, a, b, order, starts);
-    fill_sea(&made, mark, order);
+    fill_sea(&made, mark, order, (double)field->h_max - (double)field->h_min);
     *form = made;
 done:
     free(a);

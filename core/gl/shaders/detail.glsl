@@ -56,7 +56,7 @@ vec3 detail_apply(sampler2D tile, detail_place at, float pixel_m, float n_dot_v,
     vec4 f = detail_scale(tile, at.fine, lod - log2(3.1), 4.0, 5.5) * (strength * min(1.0, texel_m * (10.0 / 3.1)));
     level *= 1.0 + mix(f.a, f.r, veg);
 #endif
-    albedo *= level * vec3(1.0 + 0.18 * hue, 1.0, 1.0 - 0.18 * hue);
+    albedo *= level * vec3(1.0 + 0.12 * hue, 1.0, 1.0 - 0.12 * hue);
 #endif
     return albedo;
 }

@@ -165,11 +165,16 @@ static void flats_at_sea_level_are_water(void **state)
     assert_true(luminance(sea) < 0.05 && sea[2] > sea[1] && sea[1] > sea[0]);
     assert_true(land[2] < land[1]);
     assert_true(luminance(beach) > 1.3 * luminance(land));
-    struct sv_terrain meadow = make_terrain(300, 200, 30, 5, coast); /* the same, 5 m above the sea */
+    struct sv_terrain meadow = make_terrain(300, 200, 30, 15, coast); /* the same, 15 m above the sea */
     color(&meadow, NULL, 40);
     mean_albedo(&meadow, 0.02, 0, 0.45, 1, sea);
     assert_true(sea[1] > sea[2]);
-    struct sv_terrain plot = make_terrain(12, 12, 1, 0, flat); /* too small for a sea */
+    struct sv_terrain level =
+        make_terrain(100, 100, 30, 0, flat); /* level everywhere: somebody's plane, not a sea */
+    color(&level, NULL, 40);
+    mean_albedo(&level, 0, 0, 1, 1, sea);
+    assert_true(sea[1] > sea[2]);
+    struct sv_terrain plot = make_terrain(12, 12, 1, 0, gentle); /* too small for a sea */
     color(&plot, NULL, 40);
     mean_albedo(&plot, 0, 0, 1, 1, sea);
     assert_true(sea[1] > sea[2]);
@@ -205,6 +210,34 @@ static void imagery_lies_over_it(void **state)
     imagery.channels = 3;
     struct sv_error error;
     assert_int_equal(sv_terrain_color(&t, &imagery, 47, arena, &error), SV_EINVAL);
+}
+
+/* Codes of a raw, hazy band: 40 .. 110 where a photograph has 0 .. 255. Toned, dark ground is dark, bright
+ * ground has 0.4, order and hue stay; a photograph is left alone. */
+static void raw_bands_are_toned(void **state)
+{
+    (void)state;
+    enum { SIDE = 64 };
+    static uint8_t pixels[SIDE * SIDE * 4];
+    struct sv_image imagery = {SIDE, SIDE, 4, SV_PIXEL_U8, pixels};
+    struct sv_terrain t = make_terrain(31, 31, 10, 300, gentle);
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        const uint8_t pixel[4] = {(uint8_t)(30 + 70 * k / (SIDE * SIDE)),
+                                  (uint8_t)(40 + 70 * k / (SIDE * SIDE)),
+                                  (uint8_t)(60 + 30 * k / (SIDE * SIDE)), 255};
+        memcpy(pixels + 4 * k, pixel, 4);
+    }
+    color(&t, &imagery, 47);
+    const uint8_t *first = t.albedo.data, *last = first + 4 * (SIDE * SIDE - 1);
+    for (int c = 0; c < 3; c++)
+        assert_true((double)sv_linear_from_srgb8[first[c]] < 0.03);
+    assert_true(fabs((double)sv_linear_from_srgb8[last[1]] - 0.4) < 0.02 && last[0] < last[1] &&
+                last[2] < last[0]);
+    for (int k = 1; k < SIDE * SIDE; k++)
+        assert_true(first[4 * k + 1] >= first[4 * k - 3]);
+    memset(pixels, 255, 4 * SIDE); /* one and a half percent of white: a photograph */
+    color(&t, &imagery, 47);
+    assert_memory_equal(t.albedo.data, pixels, sizeof pixels);
 }
 
 static void normals_decode_to_unit_vectors(void **state)
@@ -277,6 +310,7 @@ int main(void)
         cmocka_unit_test(snow_follows_height_and_latitude),
         cmocka_unit_test(flats_at_sea_level_are_water),
         cmocka_unit_test(imagery_lies_over_it),
+        cmocka_unit_test(raw_bands_are_toned),
         cmocka_unit_test(normals_decode_to_unit_vectors),
         cmocka_unit_test(all_albedos_are_plausible),
         cmocka_unit_test(land_form_knows_valleys),
