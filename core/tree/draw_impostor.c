@@ -25,6 +25,7 @@ enum {
     AT_FRAME,
     AT_LIGHT,
     AT_UP,
+    AT_LEAF,
     AT_RIGHT,
     AT_TOP,
     AT_ID
@@ -37,18 +38,20 @@ enum { LAST_LEVEL = SV_IMPOSTOR_LEVELS - 1 };
 static const size_t ATLAS_BUDGET_BYTES = (size_t)256 << 20;
 
 struct quad_vertex {
-    float place[3];           /* eye-relative, m */
-    float cell[2];            /* s, t in the frame's cell */
-    float frame[4];           /* the cell's corner in the atlas, 0..1; layer; level */
-    float light[4];           /* direction to the sun in the frame's axes; coverage factor */
-    float up[4];              /* world up in the frame's axes (up, toward); translucency; spread */
+    float place[3]; /* eye-relative, m */
+    float cell[2];  /* s, t in the frame's cell */
+    float frame[4]; /* the cell's corner in the atlas, 0..1; layer; level */
+    float light[4]; /* direction to the sun in the frame's axes; coverage factor */
+    float up[4];    /* world up in the frame's axes (up, toward); texels a cell at that level; gain */
+    float leaf[4];  /* impostor.h: translucency by colour */
     int16_t right[4], top[4]; /* the frame's axes in the world, unit * 32767 */
     uint32_t id;
 };
 
 struct species_quads {
-    struct sv_impostor_frame *frames; /* heap, owner's; NULL: not built */
-    float translucency, spread;
+    struct sv_impostor_frame *frames;        /* heap, owner's; NULL: not built */
+    float (*scatter)[SV_IMPOSTOR_FRAMES][6]; /* heap, owner's: a row a level (impostor.h) */
+    float translucency[4];
     int owner, layer;
     const struct sv_tree_mesh *mesh;
 };
@@ -134,7 +137,7 @@ static enum sv_status build_species(const struct sv_quad_draw *draw,
                                     struct species_quads *s, struct sv_error *error)
 {
     struct sv_impostor impostor = {0};
-    struct sv_impostor_levels levels = {{0}, {0}};
+    struct sv_impostor_levels levels = {{0}, {0}, NULL};
     enum sv_status status = obtain(species, store, &impostor, error);
     if (!status)
         status = sv_impostor_levels_init(&impostor, &levels, error);
@@ -145,8 +148,9 @@ static enum sv_status build_species(const struct sv_quad_draw *draw,
     }
     if (!status) {
         memcpy(s->frames, impostor.frames, sizeof impostor.frames);
-        s->translucency = impostor.translucency;
-        s->spread = impostor.spread;
+        memcpy(s->translucency, impostor.translucency, sizeof s->translucency);
+        s->scatter = levels.scatter;
+        levels.scatter = NULL;
         upload_levels(draw, s->layer, &levels);
     }
     sv_impostor_levels_finish(&levels);
@@ -185,6 +189,7 @@ static void make_vertex_array(struct sv_quad_draw *draw)
         [AT_FRAME] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, frame)},
         [AT_LIGHT] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, light)},
         [AT_UP] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, up)},
+        [AT_LEAF] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, leaf)},
         [AT_RIGHT] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, right)},
         [AT_TOP] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, top)},
     };
@@ -247,8 +252,10 @@ void sv_quad_draw_destroy(struct sv_quad_draw *draw)
 {
     if (!draw)
         return;
-    for (int k = 0; k < draw->species_count; k++)
+    for (int k = 0; k < draw->species_count; k++) {
         free(draw->species[k].frames);
+        free(draw->species[k].scatter);
+    }
     gl.DeleteTextures(1, &draw->albedo);
     gl.DeleteTextures(1, &draw->normal);
     gl.DeleteVertexArrays(1, &draw->array);
@@ -325,14 +332,25 @@ static void put_axis(const float v[3], int16_t out[4])
     out[3] = 0;
 }
 
-static void put_corners(const struct sv_impostor_frame *f, const float foot[3], float h, float c, float s,
-                        struct detail detail, struct quad_vertex *q)
+/* By how much a quad is drawn wider, about the tree's axis: a crown is round, and seen from beside its frame
+ * it does not get narrower, as a plane picture of it would. to_viewer: unit, model space. */
+static float widen(const struct sv_impostor_frame *f, const float to_viewer[3])
 {
+    float beside = dot3(f->right, to_viewer);
+    return 1 / sqrtf(fmaxf(1 - beside * beside, 0.5f));
+}
+
+static void put_corners(const struct sv_impostor_frame *f, const float foot[3], float h, float c, float s,
+                        float wider, struct detail detail, struct quad_vertex *q)
+{
+    float axis = -dot3(f->origin, f->right) * f->texels / SV_IMPOSTOR_CELL;
     float cs[2], ct[2], edge_s[2], edge_t[2], origin[3], along_s[3], along_t[3];
     cover(f->s_min, f->s_max, detail.level, 1, cs);
     cover(f->t_min, f->t_max, detail.level, 1, ct);
     cover(f->s_min, f->s_max, detail.level, detail.inflate, edge_s);
     cover(f->t_min, f->t_max, detail.level, detail.inflate, edge_t);
+    for (int k = 0; k < 2; k++)
+        edge_s[k] = axis + (edge_s[k] - axis) * wider;
     turn(c, s, f->origin, origin);
     turn(c, s, f->along_s, along_s);
     turn(c, s, f->along_t, along_t);
@@ -343,6 +361,26 @@ static void put_corners(const struct sv_impostor_frame *f, const float foot[3], 
         q[k].cell[0] = cs[i];
         q[k].cell[1] = ct[j];
     }
+}
+
+/* Axes that normals are read in. Leaves show the viewer the side that faces him, wherever he stands, so the
+ * mean of a texel's normals follows him: the frame's axes are turned, by the shortest way, until they face
+ * the true viewer. Without this the sunlit share of a crown is off by up to 10 % between frames. right comes
+ * in as the frame's own. */
+static void face_viewer(const float to_viewer[3], float right[3], float up[3], float toward[3])
+{
+    float length = sqrtf(dot3(to_viewer, to_viewer)), off = 0, across = 0;
+    for (int a = 0; a < 3; a++)
+        toward[a] = length > 0 ? to_viewer[a] / length : a == 2;
+    off = dot3(right, toward);
+    for (int a = 0; a < 3; a++)
+        up[a] = right[a] - off * toward[a];
+    across = sqrtf(dot3(up, up));
+    for (int a = 0; a < 3; a++)
+        right[a] = across > 1e-3f ? up[a] / across : right[a];
+    up[0] = toward[1] * right[2] - toward[2] * right[1];
+    up[1] = toward[2] * right[0] - toward[0] * right[2];
+    up[2] = toward[0] * right[1] - toward[1] * right[0];
 }
 
 /* Writes the four vertices of a tree; false when there is nothing to see. */
@@ -363,11 +401,11 @@ static bool put_quad(const struct view *view, const struct species_quads *s,
     float depth = fmaxf(dot3(middle, view->forward), view->near_m);
     float pixels = h * view->focal_px / (view->orthographic ? 1 : depth);
     struct detail detail = choose_detail(f, pixels, view->first_level);
-    put_corners(f, foot, h, c, n, detail, q);
     float right[3], up[3], toward[3];
     turn(c, n, f->right, right);
-    turn(c, n, f->up, up);
-    turn(c, n, f->toward, toward);
+    face_viewer(to_eye, right, up, toward);
+    turn(c, -n, toward, model);
+    put_corners(f, foot, h, c, n, widen(f, model), detail, q);
     q[0].frame[0] = (float)(index % SV_IMPOSTOR_GRID) / SV_IMPOSTOR_GRID;
     q[0].frame[1] = (float)(index / SV_IMPOSTOR_GRID) / SV_IMPOSTOR_GRID;
     q[0].frame[2] = (float)s->layer;
@@ -378,8 +416,9 @@ static bool put_quad(const struct view *view, const struct species_quads *s,
     q[0].light[3] = 1 / (detail.inflate * detail.inflate);
     q[0].up[0] = up[2];
     q[0].up[1] = toward[2];
-    q[0].up[2] = owner->translucency;
-    q[0].up[3] = (float)(SV_IMPOSTOR_CELL >> detail.level);
+    q[0].up[2] = (float)(SV_IMPOSTOR_CELL >> detail.level);
+    q[0].up[3] = sv_impostor_gain(f->scatter, owner->scatter[detail.level][index], q[0].light);
+    memcpy(q[0].leaf, owner->translucency, sizeof q[0].leaf);
     put_axis(right, q[0].right);
     put_axis(up, q[0].top);
     q[0].id = SV_ID_TREE_FIRST + tree->number;

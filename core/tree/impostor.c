@@ -14,7 +14,7 @@ static const struct ring {
     float elevation_deg;
     int count, first;
 } rings[] = {
-    {0, 14, 0}, {10, 14, 14}, {24, 12, 28}, {42, 10, 40}, {60, 8, 50}, {76, 5, 58}, {90, 1, 63},
+    {0, 12, 0}, {8, 12, 12}, {18, 11, 24}, {30, 10, 35}, {44, 8, 45}, {60, 6, 53}, {76, 4, 59}, {90, 1, 63},
 };
 enum { RINGS = sizeof rings / sizeof rings[0] };
 
@@ -62,7 +62,7 @@ enum { ATLAS_BYTES = SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE * 4 };
 struct blob_header {
     char magic[8];
     uint32_t frames, side;
-    float translucency, spread;
+    float translucency[4];
 };
 static const char MAGIC[8] = {'S', 'V', 'I', 'M', 'P', 'O', 'S', '1'};
 enum {
@@ -75,11 +75,9 @@ enum sv_status sv_impostor_save(const struct sv_impostor *impostor, void **data,
     unsigned char *made = malloc(BLOB_BYTES), *p = made;
     if (!made)
         return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %d bytes", (int)BLOB_BYTES);
-    struct blob_header header = {.frames = SV_IMPOSTOR_FRAMES,
-                                 .side = SV_IMPOSTOR_SIDE,
-                                 .translucency = impostor->translucency,
-                                 .spread = impostor->spread};
+    struct blob_header header = {.frames = SV_IMPOSTOR_FRAMES, .side = SV_IMPOSTOR_SIDE};
     memcpy(header.magic, MAGIC, sizeof MAGIC);
+    memcpy(header.translucency, impostor->translucency, sizeof header.translucency);
     memcpy(p, &header, sizeof header);
     p += sizeof header;
     memcpy(p, impostor->frames, sizeof impostor->frames);
@@ -91,12 +89,18 @@ enum sv_status sv_impostor_save(const struct sv_impostor *impostor, void **data,
     return SV_OK;
 }
 
-static bool frames_sound(const struct sv_impostor_frame *frames)
+static bool bounded(const float *f, size_t count)
 {
-    const float *f = (const float *)frames;
-    for (size_t i = 0; i < SV_IMPOSTOR_FRAMES * (sizeof *frames / sizeof(float)); i++)
+    for (size_t i = 0; i < count; i++)
         if (!(fabsf(f[i]) <= 1e6f))
             return false;
+    return true;
+}
+
+static bool frames_sound(const struct sv_impostor_frame *frames)
+{
+    if (!bounded(frames->right, SV_IMPOSTOR_FRAMES * (sizeof *frames / sizeof(float))))
+        return false;
     for (int k = 0; k < SV_IMPOSTOR_FRAMES; k++)
         if (!(frames[k].texels > 0))
             return false;
@@ -117,11 +121,9 @@ enum sv_status sv_impostor_load(const void *data, size_t bytes, struct sv_impost
     memcpy(made.frames, p, sizeof made.frames);
     p += sizeof made.frames;
     if (memcmp(header.magic, MAGIC, sizeof MAGIC) || header.frames != SV_IMPOSTOR_FRAMES ||
-        header.side != SV_IMPOSTOR_SIDE || !(header.translucency >= 0 && header.translucency <= 1) ||
-        !(header.spread >= 0 && header.spread <= 4) || !frames_sound(made.frames))
+        header.side != SV_IMPOSTOR_SIDE || !bounded(header.translucency, 4) || !frames_sound(made.frames))
         return sv_fail(error, SV_EFORMAT, "impostor", "the block is not an impostor of this version");
-    made.translucency = header.translucency;
-    made.spread = header.spread;
+    memcpy(made.translucency, header.translucency, sizeof made.translucency);
     made.albedo = malloc(ATLAS_BYTES);
     made.normal = malloc(ATLAS_BYTES);
     if (!made.albedo || !made.normal) {
@@ -162,6 +164,87 @@ static void reduce(const struct sv_impostor_levels *levels, int level, int x, in
         a[3] = 1; /* still counts as a place with a normal */
 }
 
+/* ---- what the shader's guess of mean |n.l| comes to ---- */
+
+enum { LENGTHS = 64, HEIGHTS = 32 };
+
+/* Twin of the guess in tree_quad.frag, leaf_sun: mean |n.l| for a mean normal of length rho that makes an
+ * angle of cosine c with l. */
+static float guess(float rho, float c)
+{
+    float loose = 1 - rho, c2 = c * c, across = fminf(0.8f * loose, 0.5f);
+    return sqrtf(fmaxf(across + (1 - 3 * across) * c2, 0)) * (1 - loose * (0.56f - 0.4f * c2));
+}
+
+/* The guess by c, as even + square c^2 (Legendre polynomials of order 0 and 2, midpoint rule over c in 0..1),
+ * for each length. */
+struct guess_table {
+    float even[LENGTHS + 1], square[LENGTHS + 1];
+};
+
+static void make_table(struct guess_table *table)
+{
+    for (int k = 0; k <= LENGTHS; k++) {
+        float p0 = 0, p2 = 0;
+        for (int i = 0; i < HEIGHTS; i++) {
+            float c = ((float)i + 0.5f) / HEIGHTS, g = guess((float)k / LENGTHS, c) / HEIGHTS;
+            p0 += g;
+            p2 += 5 * g * (1.5f * c * c - 0.5f);
+        }
+        table->even[k] = p0 - 0.5f * p2;
+        table->square[k] = 1.5f * p2;
+    }
+}
+
+static void add_guess(const struct guess_table *table, const uint8_t albedo[4], const uint8_t normal[4],
+                      float sum[6], float *weight)
+{
+    float bright =
+        sv_linear_from_srgb8[albedo[0]] + sv_linear_from_srgb8[albedo[1]] + sv_linear_from_srgb8[albedo[2]];
+    float m[3], rho2 = 0;
+    for (int c = 0; c < 3; c++) {
+        m[c] = (float)normal[c] * (2.0f / 255.0f) - 1;
+        rho2 += m[c] * m[c];
+    }
+    int k = (int)(fminf(sqrtf(rho2), 1) * LENGTHS + 0.5f);
+    float even = bright * table->even[k], square = bright * table->square[k] / fmaxf(rho2, 1e-6f);
+    for (int c = 0; c < 3; c++)
+        sum[c] += even + square * m[c] * m[c];
+    sum[3] += square * m[0] * m[1];
+    sum[4] += square * m[0] * m[2];
+    sum[5] += square * m[1] * m[2];
+    *weight += bright;
+}
+
+/* Mean of the guess over a frame's texels at a level. */
+static void frame_guess(const struct sv_impostor_levels *levels, const struct guess_table *table, int level,
+                        int frame, float out[6])
+{
+    int cell = SV_IMPOSTOR_CELL >> level, side = SV_IMPOSTOR_SIDE >> level;
+    int column = frame % SV_IMPOSTOR_GRID * cell, row = frame / SV_IMPOSTOR_GRID * cell;
+    float sum[6] = {0}, weight = 0;
+    for (int j = 0; j < cell; j++)
+        for (int i = 0; i < cell; i++) {
+            size_t at = 4 * ((size_t)(row + j) * (size_t)side + (size_t)(column + i));
+            if (levels->albedo[level][at + 3])
+                add_guess(table, levels->albedo[level] + at, levels->normal[level] + at, sum, &weight);
+        }
+    for (int c = 0; c < 6; c++)
+        out[c] = weight > 0 ? sum[c] / weight : c < 3 ? 0.5f : 0;
+}
+
+static float form(const float s[6], const float l[3])
+{
+    return s[0] * l[0] * l[0] + s[1] * l[1] * l[1] + s[2] * l[2] * l[2] +
+           2 * (s[3] * l[0] * l[1] + s[4] * l[0] * l[2] + s[5] * l[1] * l[2]);
+}
+
+float sv_impostor_gain(const float truth[6], const float guessed[6], const float l[3])
+{
+    float gain = form(truth, l) / fmaxf(form(guessed, l), 0.05f);
+    return gain > 0.5f ? gain < 2 ? gain : 2 : 0.5f;
+}
+
 /* Gives the texels without coverage the normal of the coarser level. */
 static void dilate(const struct sv_impostor_levels *levels, int level)
 {
@@ -180,6 +263,7 @@ void sv_impostor_levels_finish(struct sv_impostor_levels *levels)
 {
     free(levels->albedo[0]); /* one block each */
     free(levels->normal[0]);
+    free(levels->scatter);
     *levels = (struct sv_impostor_levels){0};
 }
 
@@ -189,8 +273,9 @@ enum sv_status sv_impostor_levels_init(const struct sv_impostor *impostor, struc
     size_t total = 0;
     for (int k = 0; k < SV_IMPOSTOR_LEVELS; k++)
         total += (size_t)ATLAS_BYTES >> (2 * k);
-    struct sv_impostor_levels made = {{malloc(total)}, {malloc(total)}};
-    if (!made.albedo[0] || !made.normal[0]) {
+    struct sv_impostor_levels made = {
+        {malloc(total)}, {malloc(total)}, malloc(SV_IMPOSTOR_LEVELS * sizeof *made.scatter)};
+    if (!made.albedo[0] || !made.normal[0] || !made.scatter) {
         sv_impostor_levels_finish(&made);
         return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %zu bytes of mip levels", 2 * total);
     }
@@ -206,6 +291,11 @@ enum sv_status sv_impostor_levels_init(const struct sv_impostor *impostor, struc
     }
     for (int k = SV_IMPOSTOR_LEVELS - 2; k >= 0; k--)
         dilate(&made, k);
+    struct guess_table table;
+    make_table(&table);
+    for (int k = 0; k < SV_IMPOSTOR_LEVELS; k++)
+        for (int f = 0; f < SV_IMPOSTOR_FRAMES; f++)
+            frame_guess(&made, &table, k, f, made.scatter[k][f]);
     *levels = made;
     return SV_OK;
 }

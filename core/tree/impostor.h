@@ -1,6 +1,6 @@
 /* impostor.h - a tree species baked into 64 small pictures, seen from all over the upper hemisphere.
  *
- * Made once from the mesh by a rasteriser of our own (impostor_bake.c: orthographic, 4 x 4 samples a texel,
+ * Made once from the mesh by a rasteriser of our own (impostor_bake.c: orthographic, 3 x 3 samples a texel,
  * no GL, so that a bake is the same on every machine and may run in any process), kept in the store, drawn by
  * draw_impostor.c as one quad a tree. Each picture ("frame") keeps, prefiltered: premultiplied albedo and
  * coverage; the mean of the unit normals turned to the viewer (its length falls where normals scatter: the
@@ -35,15 +35,17 @@ enum {
 struct sv_impostor_frame {
     float right[3], up[3], toward[3]; /* unit, model space; toward the viewer */
     float origin[3], along_s[3],
-        along_t[3]; /* the quad's point (s, t) is origin + s along_s + t along_t, model space */
+        along_t[3];   /* the quad's point (s, t) is origin + s along_s + t along_t, model space */
+    float scatter[6]; /* mean |n.l| of what it shows, for a unit l: l' S l, S symmetric: xx, yy, zz, xy, xz,
+                         yz (right, up, toward) */
     float s_min, t_min, s_max, t_max; /* what is covered; min > max for a frame that shows nothing */
     float texels;                     /* of level 0, a model unit (tree height) */
 };
 
 struct sv_impostor {
     struct sv_impostor_frame frames[SV_IMPOSTOR_FRAMES];
-    float translucency; /* mean of what is seen */
-    float spread;       /* correction of the mean |n.l|, see impostor_light.c */
+    float translucency[4]; /* of what shows colour c (linear, not premultiplied): c . [0..2] + [3], to be held
+                              in 0..1 */
     uint8_t *albedo; /* heap, SIDE x SIDE x 4: premultiplied linear colour in sRGB code, and coverage; row 0
                         at the top */
     uint8_t *normal; /* heap, SIDE x SIDE x 4: mean normal in (right, up, toward) as 127.5 + 127.5 m, and
@@ -73,7 +75,12 @@ SV_MUST_CHECK enum sv_status sv_impostor_load(const void *data, size_t bytes, st
  * covered normals continue what is near, so that filtering takes in no rubbish. No level mixes two frames. */
 struct sv_impostor_levels {
     uint8_t *albedo[SV_IMPOSTOR_LEVELS], *normal[SV_IMPOSTOR_LEVELS];
+    float (*scatter)[SV_IMPOSTOR_FRAMES]
+                    [6]; /* heap, a row a level: what the shader's guess from mean normals comes to */
 };
+/* By what the shader's guess of mean |n.l| must be multiplied, over a frame: frame's own scatter against the
+ * level's. l is the unit direction to the sun in (right, up, toward). */
+float sv_impostor_gain(const float truth[6], const float guess[6], const float l[3]);
 SV_MUST_CHECK enum sv_status sv_impostor_levels_init(const struct sv_impostor *impostor,
                                                      struct sv_impostor_levels *levels,
                                                      struct sv_error *error);

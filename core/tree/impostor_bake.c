@@ -1,4 +1,4 @@
-/* impostor_bake.c - draws a mesh from each frame's direction and boils 4 x 4 samples down to a texel.
+/* impostor_bake.c - draws a mesh from each frame's direction and boils 3 x 3 samples down to a texel.
  *
  * The plane of a frame (own derivation). A point seen at (x, y) of the frame's picture with depth d towards
  * the viewer is q = x right + y up + d toward. The quad puts it at q' = x right + y up + (a + b x + c y)
@@ -23,18 +23,23 @@ static const double SLOPE_MAX = 1.2;
 /* Share of the foot in a plane's fit at the horizon, against all samples together. */
 static const double FOOT_WEIGHT = 0.35;
 
-/* Sums of what is seen in a texel, or in a whole frame. */
+/* Sums of what is seen in a texel. */
 struct texel {
-    float rgb[3], normal[3], occlusion;
+    float rgb[3], normal[3], occlusion, depth, translucency;
+    float square[6], weight; /* brightness x products of the normal's components */
     int count;
 };
+
+enum { UNKNOWNS_MAX = 4 };
 
 struct bake {
     struct sv_impostor *out;
     struct sv_raster raster;
     struct sv_raster_view view;
-    double moments[3][4]; /* normal equations of the plane: rows 1, x, y; columns 1, x, y, d */
-    double translucency, seen;
+    /* Normal equations: of the frame's plane (d from 1, x, y), and of the species' translucency from colour
+     * (r, g, b, 1). */
+    double plane[UNKNOWNS_MAX][UNKNOWNS_MAX + 1], leaf[UNKNOWNS_MAX][UNKNOWNS_MAX + 1];
+    double square[6], weight; /* of the frame: as in a texel */
 };
 
 static float dot3(const float a[3], const float b[3])
@@ -46,6 +51,7 @@ static float dot3(const float a[3], const float b[3])
 static void add_sample(const struct bake *b, size_t at, int i, int j, struct texel *texel)
 {
     const struct sv_raster *r = &b->raster;
+    const struct sv_tree_material *material = &r->mesh->materials[r->material[at]];
     const uint32_t *index = r->mesh->indices + r->triangle[at];
     const struct sv_tree_vertex *v[3];
     float x[3], y[3], w[3], n[3] = {0}, uv[2] = {0}, occlusion = 0, rgb[3];
@@ -71,19 +77,55 @@ static void add_sample(const struct bake *b, size_t at, int i, int j, struct tex
     sv_raster_color(r, r->material[at], uv[0], uv[1], rgb);
     for (int c = 0; c < 3; c++)
         texel->rgb[c] += rgb[c];
-    texel->normal[0] += unit * dot3(n, b->view.right);
-    texel->normal[1] += unit * dot3(n, b->view.up);
-    texel->normal[2] += unit * facing;
+    float m[3] = {unit * dot3(n, b->view.right), unit * dot3(n, b->view.up), unit * facing};
+    float bright = rgb[0] + rgb[1] + rgb[2];
+    for (int c = 0; c < 3; c++) {
+        texel->normal[c] += m[c];
+        texel->square[c] += bright * m[c] * m[c];
+    }
+    texel->square[3] += bright * m[0] * m[1];
+    texel->square[4] += bright * m[0] * m[2];
+    texel->square[5] += bright * m[1] * m[2];
+    texel->weight += bright;
     texel->occlusion += occlusion * (1.0f / 65535.0f);
+    texel->depth += r->depth[at];
+    texel->translucency += material->is_leaf ? material->translucency : 0;
     texel->count++;
 }
 
-static void add_moment(struct bake *b, double weight, double x, double y, double d)
+/* Solves n equations by elimination with pivots, in place; false when they are singular. */
+static bool solve(int n, double m[UNKNOWNS_MAX][UNKNOWNS_MAX + 1], double out[UNKNOWNS_MAX])
 {
-    const double row[3] = {1, x, y}, column[4] = {1, x, y, d};
-    for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 4; k++)
-            b->moments[i][k] += weight * row[i] * column[k];
+    for (int k = 0; k < n; k++) {
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            best = fabs(m[i][k]) > fabs(m[best][k]) ? i : best;
+        for (int c = 0; c <= n; c++) {
+            double swap = m[k][c];
+            m[k][c] = m[best][c];
+            m[best][c] = swap;
+        }
+        if (!(fabs(m[k][k]) > 1e-12))
+            return false;
+        for (int i = 0; i < n; i++) {
+            double f = i == k ? 0 : m[i][k] / m[k][k];
+            for (int c = k; c <= n; c++)
+                m[i][c] -= f * m[k][c];
+        }
+    }
+    for (int k = 0; k < n; k++)
+        out[k] = m[k][n] / m[k][k];
+    return true;
+}
+
+static void add_equation(double m[UNKNOWNS_MAX][UNKNOWNS_MAX + 1], int n, const double *row, double value,
+                         double weight)
+{
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < n; k++)
+            m[i][k] += weight * row[i] * row[k];
+        m[i][n] += weight * row[i] * value;
+    }
 }
 
 static uint8_t unit_code(float v)
@@ -94,8 +136,6 @@ static uint8_t unit_code(float v)
 static void put_texel(const struct texel *t, uint8_t albedo[4], uint8_t normal[4])
 {
     const float all = (float)(SUB * SUB);
-    if (t->count == 0)
-        return;
     float each = 1.0f / (float)t->count;
     for (int c = 0; c < 3; c++) {
         albedo[c] = sv_srgb8_from_linear(t->rgb[c] / all);
@@ -105,64 +145,43 @@ static void put_texel(const struct texel *t, uint8_t albedo[4], uint8_t normal[4
     normal[3] = unit_code(t->occlusion * each);
 }
 
-/* Boils the samples of texel (i, j) of the frame down, and notes their depths. */
+/* Boils the samples of texel (i, j) of the frame down, and notes their depth and translucency. */
 static void resolve_texel(struct bake *b, int i, int j, uint8_t albedo[4], uint8_t normal[4])
 {
-    struct texel texel = {{0}, {0}, 0, 0};
+    struct texel t = {.count = 0};
     for (int sj = j * SUB; sj < (j + 1) * SUB; sj++)
         for (int si = i * SUB; si < (i + 1) * SUB; si++) {
             size_t at = (size_t)sj * SV_RASTER_SIDE + (size_t)si;
-            if (b->raster.triangle[at] == SV_RASTER_NONE)
-                continue;
-            add_sample(b, at, si, sj, &texel);
-            const struct sv_tree_material *m = &b->raster.mesh->materials[b->raster.material[at]];
-            b->translucency += (double)m->translucency;
-            b->seen += 1;
-            add_moment(b, 1, (double)(b->view.left + ((float)si + 0.5f) * b->view.step),
-                       (double)(b->view.top - ((float)sj + 0.5f) * b->view.step),
-                       (double)b->raster.depth[at]);
+            if (b->raster.triangle[at] != SV_RASTER_NONE)
+                add_sample(b, at, si, sj, &t);
         }
-    put_texel(&texel, albedo, normal);
-}
-
-/* Solves the 3 x 3 system by elimination with pivots; false when it is singular (nothing seen, or all on a
- * line). */
-static bool solve(double m[3][4], double out[3])
-{
-    for (int k = 0; k < 3; k++) {
-        int best = k;
-        for (int i = k + 1; i < 3; i++)
-            best = fabs(m[i][k]) > fabs(m[best][k]) ? i : best;
-        for (int c = 0; c < 4; c++) {
-            double swap = m[k][c];
-            m[k][c] = m[best][c];
-            m[best][c] = swap;
-        }
-        if (!(fabs(m[k][k]) > 1e-9 * (1 + fabs(m[0][0]))))
-            return false;
-        for (int i = 0; i < 3; i++) {
-            double f = i == k ? 0 : m[i][k] / m[k][k];
-            for (int c = k; c < 4; c++)
-                m[i][c] -= f * m[k][c];
-        }
-    }
-    for (int k = 0; k < 3; k++)
-        out[k] = m[k][3] / m[k][k];
-    return true;
+    if (t.count == 0)
+        return;
+    put_texel(&t, albedo, normal);
+    double count = t.count, step = (double)b->view.step * SUB;
+    const double place[3] = {1, (double)b->view.left + (i + 0.5) * step,
+                             (double)b->view.top - (j + 0.5) * step};
+    const double color[4] = {(double)t.rgb[0] / count, (double)t.rgb[1] / count, (double)t.rgb[2] / count, 1};
+    add_equation(b->plane, 3, place, (double)t.depth / count, count);
+    for (int c = 0; c < 6; c++)
+        b->square[c] += (double)t.square[c];
+    b->weight += (double)t.weight;
+    add_equation(b->leaf, 4, color, (double)t.translucency / count, count);
 }
 
 /* The quad's plane; falls back to the plane square to the view through the axis' middle. */
 static void fit_plane(struct bake *b, struct sv_impostor_frame *f)
 {
-    double across = 1 - (double)f->toward[2] * (double)f->toward[2], seen = b->moments[0][0];
+    double across = 1 - (double)f->toward[2] * (double)f->toward[2], seen = b->plane[0][0];
     double plane[3] = {0.5 * (double)f->toward[2], 0, 0};
-    add_moment(b, FOOT_WEIGHT * across * seen, 0, 0, 0);
+    const double foot[3] = {1, 0, 0};
+    add_equation(b->plane, 3, foot, 0, FOOT_WEIGHT * across * seen);
     /* A little of "no slope", so that a bare pole still has an answer. */
-    b->moments[1][1] += 1e-3 * seen;
-    b->moments[2][2] += 1e-3 * seen;
-    double fitted[3], total = b->moments[0][0];
-    double mid[2] = {b->moments[0][1] / total, b->moments[0][2] / total};
-    if (seen > 0 && solve(b->moments, fitted)) {
+    b->plane[1][1] += 1e-3 * seen;
+    b->plane[2][2] += 1e-3 * seen;
+    double fitted[UNKNOWNS_MAX], total = b->plane[0][0];
+    double mid[2] = {b->plane[0][1] / total, b->plane[0][2] / total};
+    if (seen > 0 && solve(3, b->plane, fitted)) {
         double slope = sqrt(fitted[1] * fitted[1] + fitted[2] * fitted[2]);
         double hold = slope > SLOPE_MAX ? SLOPE_MAX / slope : 1;
         plane[1] = fitted[1] * hold;
@@ -198,7 +217,9 @@ static void bake_frame(struct bake *b, int frame)
     struct sv_impostor_frame *f = &b->out->frames[frame];
     set_basis(frame, f);
     b->view = (struct sv_raster_view){.right = f->right, .up = f->up, .toward = f->toward};
-    memset(b->moments, 0, sizeof b->moments);
+    memset(b->plane, 0, sizeof b->plane);
+    memset(b->square, 0, sizeof b->square);
+    b->weight = 0;
     sv_raster_aim(&b->raster, &b->view);
     sv_raster_draw(&b->raster);
     int column = frame % SV_IMPOSTOR_GRID * SV_IMPOSTOR_CELL,
@@ -216,10 +237,32 @@ static void bake_frame(struct bake *b, int frame)
             hi[1] = j + 1 > hi[1] ? j + 1 : hi[1];
         }
     fit_plane(b, f);
+    /* |c| = 3/16 + 15/16 c^2 + terms of fourth order and up, by Legendre polynomials. */
+    for (int c = 0; c < 6; c++)
+        f->scatter[c] =
+            (c < 3 ? 3.0f / 16 : 0) + (b->weight > 0 ? (float)(15.0 / 16 * b->square[c] / b->weight)
+                                       : c < 3       ? 5.0f / 16
+                                                     : 0);
     f->s_min = (float)lo[0] / SV_IMPOSTOR_CELL;
     f->t_min = (float)lo[1] / SV_IMPOSTOR_CELL;
     f->s_max = (float)hi[0] / SV_IMPOSTOR_CELL;
     f->t_max = (float)hi[1] / SV_IMPOSTOR_CELL;
+}
+
+/* Translucency of what a texel shows, told by its colour: bark and leaves differ in it, and a linear rule
+ * goes through all filtering unharmed. Least squares; where colour tells nothing this is the mean. */
+static void fit_translucency(struct bake *b)
+{
+    double seen = b->leaf[3][3], fitted[UNKNOWNS_MAX];
+    double mean = seen > 0 ? b->leaf[3][4] / seen : 0;
+    memset(b->out->translucency, 0, sizeof b->out->translucency);
+    for (int c = 0; c < 3; c++)
+        b->leaf[c][c] += 1e-6 * seen; /* one colour alone still has an answer */
+    bool solved = seen > 0 && solve(4, b->leaf, fitted);
+    for (int c = 0; solved && c < 4; c++)
+        solved = fabs(fitted[c]) < 1e5;
+    for (int c = 0; c < 4; c++)
+        b->out->translucency[c] = solved ? (float)fitted[c] : c == 3 ? (float)mean : 0;
 }
 
 enum sv_status sv_impostor_bake(const struct sv_tree_mesh *mesh, struct sv_impostor *impostor,
@@ -239,8 +282,7 @@ enum sv_status sv_impostor_bake(const struct sv_tree_mesh *mesh, struct sv_impos
     }
     for (int k = 0; k < SV_IMPOSTOR_FRAMES; k++)
         bake_frame(&bake, k);
-    made.translucency = bake.seen > 0 ? (float)(bake.translucency / bake.seen) : 0;
-    made.spread = 1;
+    fit_translucency(&bake);
     sv_raster_finish(&bake.raster);
     *impostor = made;
     return SV_OK;

@@ -44,22 +44,20 @@ static enum sv_status prepare_texture(const struct sv_tree_material *m, struct s
     if (!image->data)
         return SV_OK;
     int w = scaled(image->width), h = scaled(image->height);
-    uint32_t *texels = malloc((size_t)w * (size_t)h * sizeof *texels);
+    uint8_t *texels = malloc((size_t)w * (size_t)h * 4), *mask = texels + (size_t)w * (size_t)h * 3;
     if (!texels)
         return sv_fail(error, SV_ENOMEM, m->name, "no memory for a mask of %d x %d", w, h);
     float sx = (float)image->width / (float)w, sy = (float)image->height / (float)h;
     for (int j = 0; j < h; j++)
         for (int i = 0; i < w; i++) {
             float rgba[4];
-            uint8_t out[4];
+            size_t at = (size_t)j * (size_t)w + (size_t)i;
             bilinear(image, ((float)i + 0.5f) * sx - 0.5f, ((float)j + 0.5f) * sy - 0.5f, rgba);
             for (int c = 0; c < 3; c++)
-                out[c] = sv_srgb8_from_linear(rgba[c]);
-            bool open = m->masked && rgba[3] * (1.0f / 255.0f) * m->base_color[3] < m->alpha_cutoff;
-            out[3] = open ? 0 : 255;
-            memcpy(&texels[(size_t)j * (size_t)w + (size_t)i], out, 4);
+                texels[3 * at + (size_t)c] = sv_srgb8_from_linear(rgba[c]);
+            mask[at] = !(m->masked && rgba[3] * (1.0f / 255.0f) * m->base_color[3] < m->alpha_cutoff);
         }
-    *texture = (struct sv_raster_texture){w, h, texels};
+    *texture = (struct sv_raster_texture){w, h, texels, mask};
     return SV_OK;
 }
 
@@ -113,10 +111,10 @@ void sv_raster_aim(struct sv_raster *r, struct sv_raster_view *view)
         r->x[i] = dot3(p, view->right);
         r->y[i] = dot3(p, view->up);
         r->z[i] = dot3(p, view->toward);
-        lo[0] = fminf(lo[0], r->x[i]);
-        hi[0] = fmaxf(hi[0], r->x[i]);
-        lo[1] = fminf(lo[1], r->y[i]);
-        hi[1] = fmaxf(hi[1], r->y[i]);
+        lo[0] = r->x[i] < lo[0] ? r->x[i] : lo[0];
+        hi[0] = r->x[i] > hi[0] ? r->x[i] : hi[0];
+        lo[1] = r->y[i] < lo[1] ? r->y[i] : lo[1];
+        hi[1] = r->y[i] > hi[1] ? r->y[i] : hi[1];
     }
     float side = count ? fmaxf(hi[0] - lo[0], hi[1] - lo[1]) : 1;
     side = fmaxf(side, 1e-3f) * 1.0001f;
@@ -159,46 +157,77 @@ static int texel_of(float u, int side)
 /* True where the mask keeps texture position (u, v); u, v >= 0 but for rounding. */
 static bool kept(const struct sv_raster_texture *t, float u, float v)
 {
-    int i = texel_of(fmaxf(u, 0), t->width), j = texel_of(fmaxf(v, 0), t->height);
-    return t->texels[(size_t)j * (size_t)t->width + (size_t)i] >> 24;
+    int i = texel_of(u > 0 ? u : 0, t->width), j = texel_of(v > 0 ? v : 0, t->height);
+    return t->mask[(size_t)j * (size_t)t->width + (size_t)i];
 }
 
+/* Not fminf: that is a call, and there are eight of them a triangle; nothing here is NaN (mesh.h). */
 static float low3(float a, float b, float c)
 {
-    return fminf(fminf(a, b), c);
+    float ab = a < b ? a : b;
+    return ab < c ? ab : c;
 }
 
 static float high3(float a, float b, float c)
 {
-    return fmaxf(fmaxf(a, b), c);
+    float ab = a > b ? a : b;
+    return ab > c ? ab : c;
 }
 
+/* A triangle ready to fill: rows y0 .. y1, in each the samples where all three weights are >= 0. */
 struct patch {
     int x0, y0, x1, y1;
-    struct affine w1, w2, z, u, v;
+    struct affine weight[3];
+    float inverse_dx[3]; /* 1 / weight.dx, 0 for an edge along the row */
+    struct affine z, u, v;
     const struct sv_raster_texture *mask; /* NULL: opaque */
     int32_t triangle;
     uint8_t material;
 };
 
+/* Narrows [*lo, *hi], relative to sample 0, to where the row's weights are not negative. */
+static bool span(const struct patch *t, float row, float *lo, float *hi)
+{
+    for (int k = 0; k < 3; k++) {
+        const struct affine *w = &t->weight[k];
+        float at = w->at + w->dy * row, cross = -at * t->inverse_dx[k];
+        if (w->dx > 0)
+            *lo = cross > *lo ? cross : *lo;
+        else if (w->dx < 0)
+            *hi = cross < *hi ? cross : *hi;
+        else if (at < 0)
+            return false;
+    }
+    return *lo <= *hi;
+}
+
+static void fill_row(struct sv_raster *r, const struct patch *t, int j, int first, int last)
+{
+    float fj = (float)j, z0 = t->z.at + t->z.dy * fj, dz = t->z.dx;
+    float u0 = t->u.at + t->u.dy * fj, v0 = t->v.at + t->v.dy * fj;
+    float *depth = r->depth + (size_t)j * SV_RASTER_SIDE;
+    int32_t *triangle = r->triangle + (size_t)j * SV_RASTER_SIDE;
+    uint8_t *material = r->material + (size_t)j * SV_RASTER_SIDE;
+    for (int i = first; i <= last; i++) {
+        float fi = (float)i, z = z0 + dz * fi;
+        if (z <= depth[i])
+            continue;
+        if (t->mask && !kept(t->mask, u0 + t->u.dx * fi, v0 + t->v.dx * fi))
+            continue;
+        depth[i] = z;
+        triangle[i] = t->triangle;
+        material[i] = t->material;
+    }
+}
+
 static void fill(struct sv_raster *r, const struct patch *t)
 {
     for (int j = t->y0; j <= t->y1; j++) {
-        float fj = (float)j, fi = (float)t->x0;
-        float w1 = t->w1.at + t->w1.dy * fj + t->w1.dx * fi, w2 = t->w2.at + t->w2.dy * fj + t->w2.dx * fi;
-        float z = t->z.at + t->z.dy * fj + t->z.dx * fi;
-        size_t row = (size_t)j * SV_RASTER_SIDE;
-        for (int i = t->x0; i <= t->x1; i++, w1 += t->w1.dx, w2 += t->w2.dx, z += t->z.dx) {
-            if (w1 < 0 || w2 < 0 || w1 + w2 > 1 || z <= r->depth[row + (size_t)i])
-                continue;
-            fi = (float)i;
-            if (t->mask &&
-                !kept(t->mask, t->u.at + t->u.dx * fi + t->u.dy * fj, t->v.at + t->v.dx * fi + t->v.dy * fj))
-                continue;
-            r->depth[row + (size_t)i] = z;
-            r->triangle[row + (size_t)i] = t->triangle;
-            r->material[row + (size_t)i] = t->material;
-        }
+        float lo = (float)t->x0, hi = (float)t->x1;
+        if (!span(t, (float)j, &lo, &hi))
+            continue;
+        int first = (int)lo, last = (int)hi; /* both >= 0 */
+        fill_row(r, t, j, first + ((float)first < lo), last);
     }
 }
 
@@ -216,16 +245,18 @@ static void draw_triangle(struct sv_raster *r, uint32_t first, struct patch *t)
     float area = (p[1].x - p[0].x) * (p[2].y - p[0].y) - (p[2].x - p[0].x) * (p[1].y - p[0].y);
     if (!(fabsf(area) > 1e-9f))
         return;
-    /* Samples whose centre lies in the box: i + 0.5 in [lo, hi]. */
-    t->x0 = clamp_sample(ceilf(low3(p[0].x, p[1].x, p[2].x) - 0.5f));
-    t->y0 = clamp_sample(ceilf(low3(p[0].y, p[1].y, p[2].y) - 0.5f));
-    t->x1 = clamp_sample(floorf(high3(p[0].x, p[1].x, p[2].x) - 0.5f));
-    t->y1 = clamp_sample(floorf(high3(p[0].y, p[1].y, p[2].y) - 0.5f));
+    /* Samples whose centre lies in the box: i + 0.5 in [lo, hi]. Off the picture only by rounding. */
+    t->x0 = clamp_sample(low3(p[0].x, p[1].x, p[2].x) + 0.49999f);
+    t->y0 = clamp_sample(low3(p[0].y, p[1].y, p[2].y) + 0.49999f);
+    t->x1 = clamp_sample(high3(p[0].x, p[1].x, p[2].x) - 0.5f);
+    t->y1 = clamp_sample(high3(p[0].y, p[1].y, p[2].y) - 0.5f);
     if (t->x1 < t->x0 || t->y1 < t->y0)
         return;
     float inverse = 1.0f / area;
-    t->w1 = through(p, inverse, 0, 1, 0);
-    t->w2 = through(p, inverse, 0, 0, 1);
+    for (int k = 0; k < 3; k++) {
+        t->weight[k] = through(p, inverse, k == 0, k == 1, k == 2);
+        t->inverse_dx[k] = t->weight[k].dx != 0 ? 1.0f / t->weight[k].dx : 0;
+    }
     t->z = through(p, inverse, r->z[index[0]], r->z[index[1]], r->z[index[2]]);
     t->triangle = (int32_t)first;
     if (t->mask) {
@@ -258,10 +289,11 @@ void sv_raster_color(const struct sv_raster *raster, int material, float u, floa
 {
     const struct sv_raster_texture *t = &raster->textures[material];
     const float *base = raster->mesh->materials[material].base_color;
-    uint8_t code[4] = {255, 255, 255, 255};
+    static const uint8_t white[3] = {255, 255, 255};
+    const uint8_t *code = white;
     if (t->texels) {
         int i = texel_of(u - floorf(u), t->width), j = texel_of(v - floorf(v), t->height);
-        memcpy(code, &t->texels[(size_t)j * (size_t)t->width + (size_t)i], 4);
+        code = t->texels + 3 * ((size_t)j * (size_t)t->width + (size_t)i);
     }
     for (int c = 0; c < 3; c++)
         rgb[c] = base[c] * sv_linear_from_srgb8[code[c]];

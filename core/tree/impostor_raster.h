@@ -9,12 +9,13 @@
 
 #include "core/tree/mesh.h"
 
-enum { SV_RASTER_SIDE = 512, SV_RASTER_NONE = -1 };
+enum { SV_RASTER_SIDE = 384, SV_RASTER_NONE = -1 };
 
 /* A material's texture as the bake reads it: nearest texel, alpha decided. */
 struct sv_raster_texture {
     int width, height;
-    uint32_t *texels; /* heap; sRGB bytes r, g, b and 255 where the mask keeps it, else 0; NULL: no texture */
+    uint8_t *texels; /* heap; sRGB r, g, b; NULL: no texture */
+    uint8_t *mask;   /* in the same block: 1 where the alpha test keeps it */
 };
 
 struct sv_raster {

@@ -5,10 +5,11 @@ layout(location = 0) in vec3 place; // eye-relative
 layout(location = 1) in vec2 cell;
 layout(location = 2) in vec4 frame_of; // the cell's corner in the atlas; layer; level
 layout(location = 3) in vec4 light_of; // to the sun in the frame's axes; coverage factor
-layout(location = 4) in vec4 up_of;    // world up along the frame's up and toward; translucency; texels a cell
-layout(location = 5) in vec3 right_of;
-layout(location = 6) in vec3 top_of;
-layout(location = 7) in uint id_of;
+layout(location = 4) in vec4 up_of;    // world up along the frame's up and toward; texels a cell; gain of leaf_sun's guess
+layout(location = 5) in vec4 leaf_of;  // translucency by colour
+layout(location = 6) in vec3 right_of;
+layout(location = 7) in vec3 top_of;
+layout(location = 8) in uint id_of;
 
 out vec2 st;
 flat out vec4 frame_at;
@@ -22,6 +23,7 @@ flat out uint id;
 out float distance_m;
 flat out vec4 sun_at;
 flat out vec4 up_at;
+flat out vec4 leaf_at;
 #endif
 
 void main()
@@ -29,7 +31,7 @@ void main()
     st = cell;
     frame_at = frame_of;
 #ifdef HARD
-    texels = up_of.w;
+    texels = up_of.z;
     coverage = light_of.w;
     right = right_of;
     top = top_of;
@@ -38,6 +40,7 @@ void main()
     distance_m = frame_distance(place);
     sun_at = light_of;
     up_at = up_of;
+    leaf_at = leaf_of;
 #endif
     gl_Position = clip_from_local * vec4(place, 1.0);
 }
