@@ -67,7 +67,9 @@ void sv_gl_context_destroy(struct sv_gl_context *context)
 {
     if (!context)
         return;
-    if (context->mesa)
+    if (context->mesa) {
+        OSMesaMakeCurrent(NULL, NULL, 0, 0, 0);
         OSMesaDestroyContext(context->mesa);
+    }
     free(context);
 }
