@@ -25,7 +25,7 @@ struct sv_tree_draw_options {
     bool color_only; /* nobody reads depth, id or normal after this call: impostors leave them alone, which is
                         faster */
 };
-#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 160, 600000, false})
+#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 160, 400000, false})
 
 struct sv_tree_draw_stats {
     uint32_t polygon_trees, impostor_trees, culled_trees;

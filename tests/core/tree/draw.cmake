@@ -1,0 +1,6 @@
+# Drawing of trees: needs GL and the forest.
+if(TARGET sv_tree_draw AND TARGET sv_scene)
+  sv_test(test_tree_draw SOURCES test_draw.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree TIMEOUT 600)
+  sv_test(test_tree_impostor SOURCES test_impostor.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree
+          TIMEOUT 900)
+endif()

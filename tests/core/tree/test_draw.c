@@ -1,0 +1,401 @@
+/* Drawing of forests: culling against brute force, places, turns, ids, order, and the odd cases. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "core/base/color.h"
+#include "core/base/frames.h"
+#include "core/base/rng.h"
+#include "core/scene/id.h"
+#include "core/tree/draw_cull.h"
+#include "draw_fixture.h"
+
+static struct sv_gl_context *context;
+static struct sv_tree_mesh leafy, bare;
+
+static int setup(void **state)
+{
+    (void)state;
+    struct sv_error error;
+    sv_color_init();
+    fixture_ok(sv_gl_context_create(&context, &error), &error);
+    fixture_tree(1500, 7, &leafy);
+    fixture_tree(0, 7, &bare);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    sv_tree_mesh_finish(&leafy);
+    sv_tree_mesh_finish(&bare);
+    sv_gl_context_destroy(context);
+    return 0;
+}
+
+static struct sv_tree_draw_options form(enum sv_tree_form f)
+{
+    struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
+    options.form = f;
+    return options;
+}
+
+/* ---- culling ---- */
+
+static void random_trees(struct sv_tree *trees, uint32_t count, uint64_t seed)
+{
+    struct sv_rng rng = sv_rng_seeded(seed, 5);
+    for (uint32_t k = 0; k < count; k++)
+        trees[k] = (struct sv_tree){.x = 400000 + sv_rng_range(&rng, -300, 300),
+                                    .y = 9000000 + sv_rng_range(&rng, -300, 300),
+                                    .z = sv_rng_range(&rng, 0, 60),
+                                    .height_m = (float)sv_rng_range(&rng, 0.1, 40),
+                                    .rotation_rad = (float)sv_rng_range(&rng, 0, 6.28),
+                                    .species = (uint16_t)(sv_rng_next(&rng) % 2),
+                                    .number = k};
+}
+
+/* The tree's box, corner by corner, against each plane: the plain form of what draw_cull.c does. */
+static bool outside(const struct sv_tree *tree, double radius, struct sv_vec3 eye, const double planes[5][4])
+{
+    double h = (double)tree->height_m, r = radius * h;
+    for (int p = 0; p < 5; p++) {
+        int in = 0;
+        for (int k = 0; k < 8; k++) {
+            double x = tree->x - eye.x + (k & 1 ? r : -r), y = tree->y - eye.y + (k & 2 ? r : -r),
+                   z = tree->z - eye.z + (k & 4 ? h : 0);
+            in += planes[p][0] * x + planes[p][1] * y + planes[p][2] * z + planes[p][3] >= 0;
+        }
+        if (in == 0)
+            return true;
+    }
+    return false;
+}
+
+static void culling_matches_brute_force(void **state)
+{
+    (void)state;
+    enum { TREES = 3000 };
+    static struct sv_tree trees[TREES];
+    static const struct sv_cull_species species[2] = {{0.6f, 100}, {0.3f, 3000}};
+    struct sv_rng rng = sv_rng_seeded(11, 1);
+    struct fixture_forest f;
+    struct sv_cull_list list = {0};
+    random_trees(trees, TREES, 3);
+    fixture_forest_init(&f, trees, TREES, 0.6f);
+    for (int round = 0; round < 60; round++) {
+        struct sv_error error;
+        struct sv_vec3 eye = sv_vec3(400000 + sv_rng_range(&rng, -400, 400),
+                                     9000000 + sv_rng_range(&rng, -400, 400), sv_rng_range(&rng, 0, 150));
+        struct sv_camera c =
+            fixture_camera(eye, sv_rng_range(&rng, 0, 360), sv_rng_range(&rng, -90, 60), 320, 240);
+        if (round % 3 == 0) {
+            c.projection = SV_PROJECTION_ORTHOGRAPHIC;
+            c.ortho_height_m = sv_rng_range(&rng, 5, 500);
+            c.far_m = 2000;
+        }
+        double planes[5][4];
+        sv_camera_planes(&c, planes);
+        struct sv_tree_draw_options options = form(SV_TREE_FORM_AUTO);
+        options.polygon_px = 60;
+        options.triangle_budget = 20000;
+        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, &options, &list, &error), &error);
+        uint8_t drawn[TREES] = {0};
+        uint32_t total = list.polygon_count + list.impostor_count, seen = 0;
+        for (uint32_t k = 0; k < total; k++)
+            drawn[list.entries[k].tree]++;
+        for (uint32_t k = 0; k < TREES; k++) {
+            bool want = !outside(&f.trees[k], (double)species[f.trees[k].species].radius, eye, planes);
+            /* A tree's box that touches a plane may fall on either side by rounding: none does with these
+             * seeds. */
+            assert_int_equal(drawn[k], want);
+            seen += want;
+        }
+        assert_int_equal(list.culled, TREES - seen);
+        uint64_t triangles = 0;
+        for (uint32_t k = 0; k < total; k++) {
+            const struct sv_tree *tree = &f.trees[list.entries[k].tree];
+            bool polygon = k < list.polygon_count, first = k == 0 || k == list.polygon_count;
+            if (!first) /* nearest first, then farthest first */
+                assert_true(polygon ? list.entries[k].key >= list.entries[k - 1].key
+                                    : list.entries[k].key <= list.entries[k - 1].key);
+            if (polygon) {
+                assert_true(sv_cull_height_px(&c, tree) >= options.polygon_px);
+                triangles += species[tree->species].triangles;
+            }
+        }
+        assert_int_equal(triangles, list.triangles);
+        assert_true(triangles <= options.triangle_budget);
+    }
+    sv_cull_list_finish(&list);
+    fixture_forest_finish(&f);
+}
+
+/* ---- places ---- */
+
+struct box {
+    double left, right, top, bottom;
+};
+
+static struct box projected(const struct sv_tree_mesh *mesh, const struct sv_tree *tree,
+                            const struct sv_camera *c)
+{
+    struct box b = {1e9, -1e9, 1e9, -1e9};
+    for (uint32_t k = 0; k < mesh->vertex_count; k++) {
+        const float *p = mesh->vertices[k].position;
+        struct sv_vec3 m = sv_rotate_clockwise(sv_vec3((double)p[0], (double)p[1], (double)p[2]),
+                                               (double)tree->rotation_rad);
+        double x, y, depth;
+        assert_true(sv_camera_project(
+            c, sv_madd(sv_vec3(tree->x, tree->y, tree->z), m, (double)tree->height_m), &x, &y, &depth));
+        b.left = fmin(b.left, x);
+        b.right = fmax(b.right, x);
+        b.top = fmin(b.top, y);
+        b.bottom = fmax(b.bottom, y);
+    }
+    return b;
+}
+
+static struct sv_camera look_at(struct sv_vec3 target, double heading_deg, double elevation_deg,
+                                double distance, int side)
+{
+    struct sv_vec3 back = sv_direction(sv_radians(heading_deg + 180), sv_radians(elevation_deg));
+    return fixture_camera(sv_madd(target, back, distance), heading_deg, -elevation_deg, side, side);
+}
+
+static const struct sv_tree lone = {
+    .x = 712345.6, .y = 8765432.1, .z = 321.5, .height_m = 12, .rotation_rad = 0.9f, .number = 41};
+
+static void polygons_stand_where_the_mesh_projects(void **state)
+{
+    (void)state;
+    struct fixture_single s;
+    struct sv_light light = fixture_light(120, 40);
+    struct sv_tree_draw_options options = form(SV_TREE_FORM_POLYGON);
+    fixture_single_init(&s, &leafy, &lone);
+    for (int k = 0; k < 12; k++) {
+        struct sv_camera c = look_at(sv_vec3(lone.x, lone.y, lone.z + 6), 37.0 * k, -10 + 9.0 * k, 25, 300);
+        struct fixture_view view;
+        fixture_draw(s.draw, &c, &light, &options, &view);
+        struct fixture_look look = fixture_look_at(&view);
+        struct box want = projected(&leafy, &lone, &c);
+        /* The mesh's outermost corners belong to leaf cards whose corners the mask cuts off: up to a card
+         * (1.5 % of the height, 4 px). */
+        assert_true(look.left >= floor(want.left) && look.left <= want.left + 5);
+        assert_true(look.right <= ceil(want.right) && look.right >= want.right - 6);
+        assert_true(look.top >= floor(want.top) && look.top <= want.top + 5);
+        assert_true(look.bottom <= ceil(want.bottom) && look.bottom >= want.bottom - 6);
+        for (int i = 0; i < view.width * view.height; i++) {
+            bool tree = view.id[i] == SV_ID_TREE_FIRST + lone.number;
+            assert_true(tree || view.id[i] == SV_ID_SKY);
+            assert_int_equal(view.color[4 * i + 3], tree ? 255 : 0);
+            assert_true(tree ? view.depth[i] > 0 : view.depth[i] == 0);
+        }
+        assert_int_equal(view.stats.polygon_trees, 1);
+        assert_int_equal(view.stats.triangles, leafy.index_count / 3);
+        fixture_view_finish(&view);
+    }
+    fixture_single_finish(&s);
+}
+
+/* The foot of a bare pole, in both forms, from the ground and from above: it neither floats nor sinks. */
+static void the_foot_is_in_its_place(void **state)
+{
+    (void)state;
+    struct fixture_single s;
+    struct sv_light light = fixture_light(120, 40);
+    fixture_single_init(&s, &bare, &lone);
+    for (int f = SV_TREE_FORM_POLYGON; f <= SV_TREE_FORM_IMPOSTOR; f++)
+        for (int k = 0; k < 10; k++) {
+            struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+            struct sv_camera c = look_at(sv_vec3(lone.x, lone.y, lone.z), 31.0 * k, -5 + 7.0 * k, 100, 512);
+            struct fixture_view view;
+            fixture_draw(s.draw, &c, &light, &options, &view);
+            struct fixture_look look = fixture_look_at(&view);
+            double x, y, depth, radius_px = sv_camera_focal_px(&c) * 0.03 * 12 / 100;
+            assert_true(sv_camera_project(&c, sv_vec3(lone.x, lone.y, lone.z), &x, &y, &depth));
+            double foot = y + radius_px * sin(sv_radians(fmax(0, -5 + 7.0 * k)));
+            assert_true(fabs(look.bottom + 1 - foot) <= (f == SV_TREE_FORM_POLYGON ? 1 : 2));
+            assert_true(fabs(0.5 * (look.left + look.right + 1) - x) <= (f == SV_TREE_FORM_POLYGON ? 1 : 2));
+            fixture_view_finish(&view);
+        }
+    fixture_single_finish(&s);
+}
+
+/* Seen straight down with north up: the bough that reaches east at rotation 0 goes south, west, north as it
+ * is turned clockwise. */
+static void rotation_is_clockwise_from_above(void **state)
+{
+    (void)state;
+    static const int want[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}}; /* right, down */
+    struct sv_light light = fixture_light(120, 40);
+    for (int f = SV_TREE_FORM_POLYGON; f <= SV_TREE_FORM_IMPOSTOR; f++)
+        for (int k = 0; k < 4; k++) {
+            struct sv_tree tree = lone;
+            tree.rotation_rad = (float)(k * SV_PI / 2);
+            struct fixture_single s;
+            fixture_single_init(&s, &leafy, &tree);
+            struct sv_camera c = fixture_camera(sv_vec3(tree.x, tree.y, tree.z + 50), 0, -90, 201, 201);
+            c.projection = SV_PROJECTION_ORTHOGRAPHIC;
+            c.ortho_height_m = 20.1;
+            c.far_m = 100;
+            struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+            struct fixture_view view;
+            fixture_draw(s.draw, &c, &light, &options, &view);
+            struct fixture_look look = fixture_look_at(&view);
+            int reach[4] = {look.right - 100, 100 - look.left, look.bottom - 100, 100 - look.top};
+            for (int side = 0; side < 4; side++) {
+                int x = side == 0 ? 1 : side == 1 ? -1 : 0, y = side == 2 ? 1 : side == 3 ? -1 : 0;
+                bool bough = x == want[k][0] && y == want[k][1];
+                /* 0.5 and 0.26 of 12 m, 10 px a metre, cards included */
+                assert_in_range(reach[side], bough ? 54 : 24, bough ? 64 : 36);
+            }
+            fixture_view_finish(&view);
+            fixture_single_finish(&s);
+        }
+}
+
+/* ---- odd cases ---- */
+
+static void no_tree_and_no_species(void **state)
+{
+    (void)state;
+    struct sv_error error;
+    struct sv_forest empty = {0};
+    struct sv_tree_draw *draw;
+    struct sv_light light = fixture_light(120, 40);
+    struct sv_camera c = fixture_camera(sv_vec3(0, 0, 2), 0, 0, 64, 64);
+    struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
+    struct sv_tree_draw_species unused = {&leafy, 1, 0};
+    fixture_ok(sv_tree_draw_create(&unused, 1, &empty, NULL, &draw, &error), &error);
+    struct fixture_view view;
+    fixture_draw(draw, &c, &light, &options, &view);
+    assert_int_equal(view.stats.polygon_trees + view.stats.impostor_trees + view.stats.culled_trees, 0);
+    assert_true(fixture_look_at(&view).coverage == 0);
+    fixture_view_finish(&view);
+    assert_int_equal(sv_tree_draw_bytes(draw, 0, SV_TREE_FORM_POLYGON), 0);
+    assert_int_equal(sv_tree_draw_bytes(draw, 0, SV_TREE_FORM_IMPOSTOR), 0);
+    assert_int_equal(sv_tree_draw_bytes(draw, 1, SV_TREE_FORM_IMPOSTOR), 0);
+    sv_tree_draw_destroy(draw);
+    fixture_ok(sv_tree_draw_create(NULL, 0, &empty, NULL, &draw, &error), &error);
+    sv_tree_draw_destroy(draw);
+    sv_tree_draw_destroy(NULL);
+}
+
+static void a_tree_of_no_species_is_refused(void **state)
+{
+    (void)state;
+    struct sv_error error;
+    struct sv_tree_draw *draw;
+    struct fixture_forest f;
+    struct sv_tree tree = lone;
+    struct sv_tree_draw_species species = {&leafy, 1, 1};
+    tree.species = 3;
+    fixture_forest_init(&f, &tree, 1, 0.6f);
+    assert_int_equal(sv_tree_draw_create(&species, 1, &f.forest, NULL, &draw, &error), SV_EINVAL);
+    assert_non_null(strstr(error.message, "species 3"));
+    fixture_forest_finish(&f);
+}
+
+static void trees_behind_are_not_drawn(void **state)
+{
+    (void)state;
+    struct fixture_single s;
+    struct sv_light light = fixture_light(120, 40);
+    fixture_single_init(&s, &leafy, &lone);
+    for (int f = SV_TREE_FORM_AUTO; f <= SV_TREE_FORM_IMPOSTOR; f++) {
+        struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+        struct sv_camera c = fixture_camera(sv_vec3(lone.x, lone.y + 30, lone.z + 6), 0, 0, 100, 100);
+        struct fixture_view view;
+        fixture_draw(s.draw, &c, &light, &options, &view);
+        assert_int_equal(view.stats.culled_trees, 1);
+        assert_true(fixture_look_at(&view).coverage == 0);
+        fixture_view_finish(&view);
+    }
+    fixture_single_finish(&s);
+}
+
+/* The eye in the middle of the crown, and at the very foot: pictures without a number that is none. */
+static void eye_inside_a_crown(void **state)
+{
+    (void)state;
+    struct fixture_single s;
+    struct sv_light light = fixture_light(120, 40);
+    fixture_single_init(&s, &leafy, &lone);
+    for (int f = SV_TREE_FORM_AUTO; f <= SV_TREE_FORM_IMPOSTOR; f++)
+        for (int k = 0; k < 6; k++) {
+            struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+            struct sv_camera c =
+                fixture_camera(sv_vec3(lone.x, lone.y, lone.z + (k < 3 ? 6.0 : 0.0)), 70 * k, 20, 100, 100);
+            struct fixture_view view;
+            fixture_draw(s.draw, &c, &light, &options, &view);
+            for (int i = 0; i < 3 * view.width * view.height; i++)
+                assert_true(isfinite(view.normal[i]));
+            for (int i = 0; i < view.width * view.height; i++)
+                assert_true(view.depth[i] >= 0 && view.depth[i] <= 1);
+            if (f != SV_TREE_FORM_IMPOSTOR && k < 3)
+                assert_true(fixture_look_at(&view).coverage > 500);
+            fixture_view_finish(&view);
+        }
+    fixture_single_finish(&s);
+}
+
+static void drawing_is_deterministic_and_leaves_no_state(void **state)
+{
+    (void)state;
+    enum { TREES = 400 };
+    static struct sv_tree trees[TREES];
+    struct sv_error error;
+    struct fixture_forest f;
+    struct sv_tree_draw *draw;
+    random_trees(trees, TREES, 9);
+    fixture_forest_init(&f, trees, TREES, 0.6f);
+    struct sv_tree_draw_species species[2] = {{&leafy, 1, 1}, {&bare, 2, 1}};
+    fixture_ok(sv_tree_draw_create(species, 2, &f.forest, NULL, &draw, &error), &error);
+    struct sv_camera c = fixture_camera(sv_vec3(400000, 9000000 - 300, 60), 0, -8, 200, 150);
+    struct sv_light light = fixture_light(200, 30);
+    struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
+    options.polygon_px = 40;
+    struct fixture_view a, b;
+    fixture_draw(draw, &c, &light, &options, &a);
+    fixture_draw(draw, &c, &light, &options, &b);
+    assert_true(a.stats.polygon_trees > 3 && a.stats.impostor_trees > 50);
+    assert_memory_equal(a.color, b.color, 4 * 200 * 150);
+    assert_memory_equal(a.id, b.id, 4 * 200 * 150);
+    assert_memory_equal(a.depth, b.depth, 4 * 200 * 150);
+    for (int i = 0; i < 200 * 150; i++) { /* id, depth and normal agree on where something stands */
+        assert_int_equal(a.id[i] != 0, a.depth[i] > 0);
+        float *n = a.normal + 3 * i, length = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+        assert_true(a.id[i] ? fabsf(length - 1) < 0.01f : length == 0);
+        assert_true(a.id[i] == 0 || a.id[i] - SV_ID_TREE_FIRST < TREES);
+    }
+    fixture_view_finish(&b);
+    /* color_only changes no colour; nothing else of it is promised. */
+    options.color_only = true;
+    fixture_draw(draw, &c, &light, &options, &b);
+    assert_memory_equal(a.color, b.color, 4 * 200 * 150);
+    fixture_view_finish(&a);
+    fixture_view_finish(&b);
+    sv_tree_draw_destroy(draw);
+    fixture_forest_finish(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(culling_matches_brute_force),
+        cmocka_unit_test(polygons_stand_where_the_mesh_projects),
+        cmocka_unit_test(the_foot_is_in_its_place),
+        cmocka_unit_test(rotation_is_clockwise_from_above),
+        cmocka_unit_test(no_tree_and_no_species),
+        cmocka_unit_test(a_tree_of_no_species_is_refused),
+        cmocka_unit_test(trees_behind_are_not_drawn),
+        cmocka_unit_test(eye_inside_a_crown),
+        cmocka_unit_test(drawing_is_deterministic_and_leaves_no_state),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
