@@ -147,9 +147,23 @@ out:
     return status;
 }
 
+/* PROJ opens files that a definition names: +init=FILE:code, and grids by path. Grids by plain name ("conus",
+ * "@null") are its own. */
+static bool names_a_file(const char *text)
+{
+    if (strstr(text, "init="))
+        return true;
+    for (const char *p = strstr(text, "grids="); p; p = strstr(p + 1, "grids="))
+        if (strcspn(p, "/\\") < strcspn(p, " \t\r\n\"+"))
+            return true;
+    return false;
+}
+
 /* Whether text is a system's definition, not the name of a file or of a host: OGR would open those. */
 static bool is_definition(const char *text)
 {
+    if (names_a_file(text))
+        return false;
     static const char *const names[] = {"WGS84", "WGS72", "NAD27", "NAD83"};
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
         if (!strcmp(text, names[i]))

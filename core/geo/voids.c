@@ -8,6 +8,7 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -173,20 +174,33 @@ static float prolong(const struct level *c, int i, int j)
                    t * ((1 - s) * (double)b[i0] + s * (double)b[i1]));
 }
 
+/* A cell of the border carries this bit in a list of cells: samples are at most 2^26, and the others need no
+ * look at where they are. */
+#define BORDER_CELL ((uint32_t)1 << 31)
+
+static float border_mean(const struct level *l, uint32_t at)
+{
+    uint32_t width = (uint32_t)l->width, height = (uint32_t)l->height, i = at % width, j = at / width;
+    float here = l->h[at]; /* beyond the border stands the cell's own height: nothing flows across */
+    float west = i > 0 ? l->h[at - 1] : here, east = i + 1 < width ? l->h[at + 1] : here;
+    float north = j > 0 ? l->h[at - width] : here, south = j + 1 < height ? l->h[at + width] : here;
+    return 0.25f * ((west + east) + (north + south));
+}
+
 /* Gauss and Seidel, to and fro. No over-relaxation: every value stays a mean of its neighbours, so within the
  * rim's range. */
 static void relax(struct level *l, const uint32_t *cells, size_t count, int sweeps)
 {
-    uint32_t width = (uint32_t)l->width, height = (uint32_t)l->height;
+    size_t width = (size_t)l->width;
     for (int sweep = 0; sweep < sweeps; sweep++)
         for (size_t k = 0; k < count; k++) {
-            uint32_t at = cells[sweep & 1 ? count - 1 - k : k], i = at % width, j = at / width;
-            double here = (double)l->h[at];
-            double sum = i > 0 ? (double)l->h[at - 1] : here;
-            sum += i + 1 < width ? (double)l->h[at + 1] : here;
-            sum += j > 0 ? (double)l->h[at - width] : here;
-            sum += j + 1 < height ? (double)l->h[at + width] : here;
-            l->h[at] = (float)(0.25 * sum);
+            uint32_t cell = cells[sweep & 1 ? count - 1 - k : k];
+            if (cell & BORDER_CELL) {
+                l->h[cell & ~BORDER_CELL] = border_mean(l, cell & ~BORDER_CELL);
+            } else {
+                float *h = l->h + cell;
+                *h = 0.25f * ((h[-1] + h[1]) + (h[-(ptrdiff_t)width] + h[width]));
+            }
         }
 }
 
@@ -205,7 +219,8 @@ static bool refine(struct level *fine, const struct level *coarse, int sweeps)
             if (fine->known[at])
                 continue;
             fine->h[at] = prolong(coarse, i, j);
-            cells[k++] = (uint32_t)at;
+            bool border = i == 0 || j == 0 || i + 1 == fine->width || j + 1 == fine->height;
+            cells[k++] = (uint32_t)at | (border ? BORDER_CELL : 0);
         }
     relax(fine, cells, count, sweeps);
     free(cells);

@@ -25,7 +25,8 @@ void synthetic_write(const struct synthetic *s);
 void synthetic_remove(const char *path);
 /* An arena for one DEM. */
 struct sv_arena *synthetic_arena(void);
-/* Folder of the real data with `name` appended, or NULL when it is not there. Static memory, good until the next call but three. */
+/* Folder of the real data with `name` appended, or NULL when it is not there. Static memory, good until the
+ * next call but three. */
 const char *synthetic_data(const char *name);
 
 #endif

@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "core/base/vec.h"
@@ -43,7 +44,8 @@ static void names(void **state)
     /* a vertical part is dropped */
     struct sv_crs *compound = make("EPSG:25832+5783");
     assert_string_equal(sv_crs_name(compound), "EPSG:25832");
-    struct sv_crs *all[] = {utm, lonlat, local, same, urn, wkt, compound};
+    struct sv_crs *mercator = make("+proj=merc +a=6378137 +b=6378137 +units=m +nadgrids=@null +no_defs");
+    struct sv_crs *all[] = {utm, lonlat, local, same, urn, wkt, compound, mercator};
     for (size_t k = 0; k < sizeof all / sizeof all[0]; k++)
         sv_crs_destroy(all[k]);
     sv_crs_destroy(NULL);
@@ -66,6 +68,9 @@ static void refusals(void **state)
         "{\"type\":",
         "file:/etc/passwd",
         "32633",
+        "+proj=longlat +ellps=clrk66 +nadgrids=/dev/zero",
+        "+proj=longlat +ellps=clrk66 +nadgrids=@../x",
+        "+proj=utm +zone=33 +init=/etc/passwd:x",
     };
     for (size_t k = 0; k < sizeof bad / sizeof bad[0]; k++) {
         struct sv_crs *crs = (struct sv_crs *)&crs; /* must not be written */
@@ -225,6 +230,30 @@ static void feet(void **state)
     sv_crs_destroy(m);
 }
 
+/* Systems may be made in a forked child, too: a worker does it for a request's crs. */
+static void after_fork(void **state)
+{
+    (void)state;
+    struct sv_crs *utm = make("EPSG:32633");
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        struct sv_crs *other = NULL;
+        struct sv_crs_transform *t = NULL;
+        double x = 500000, y = 5.2e6, lon, lat;
+        alarm(20); /* a hang fails the test */
+        bool ok = sv_crs_create("EPSG:3035", &other, NULL) == SV_OK &&
+                  sv_crs_transform_create(utm, other, &t, NULL) == SV_OK &&
+                  sv_crs_transform_apply(t, &x, &y) && sv_crs_to_lonlat(utm, 500000, 5.2e6, &lon, &lat) &&
+                  fabs(lon - 15) < 1e-9;
+        _exit(ok ? 0 : 1);
+    }
+    int status = -1;
+    assert_true(waitpid(child, &status, 0) == child);
+    assert_int_equal(status, 0);
+    sv_crs_destroy(utm);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -243,6 +272,7 @@ int main(void)
         cmocka_unit_test(no_change_is_exact),
         cmocka_unit_test(convergence),
         cmocka_unit_test(feet),
+        cmocka_unit_test(after_fork),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }

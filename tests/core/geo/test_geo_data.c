@@ -6,6 +6,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <dirent.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -490,6 +491,20 @@ static void pictures(void **state)
     }
 }
 
+/* The scene process forks after loading: nothing here may have left a thread behind. Runs last. */
+static void one_thread(void **state)
+{
+    (void)state;
+    int threads = 0;
+    DIR *tasks = opendir("/proc/self/task");
+    if (!tasks)
+        skip();
+    for (struct dirent *e = readdir(tasks); e; e = readdir(tasks))
+        threads += e->d_name[0] != '.';
+    closedir(tasks);
+    assert_int_equal(threads, 1);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -503,6 +518,7 @@ int main(void)
         cmocka_unit_test(elevations), cmocka_unit_test(plot_of_bci), cmocka_unit_test(gabon_twice),
         cmocka_unit_test(cape_town),  cmocka_unit_test(inventories), cmocka_unit_test(canopies),
         cmocka_unit_test(scbi),       cmocka_unit_test(drapes),      cmocka_unit_test(pictures),
+        cmocka_unit_test(one_thread),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }
