@@ -24,8 +24,8 @@
 struct sv_terrain_lod;
 
 /* Measures the errors, or takes them from the store (kind "lod1", a key of sizes, spacing and heights; kept
- * there when the field has more than 2^21 samples, which take 0.3 s). Borrows field for life. store may be
- * NULL. */
+ * there when the field has 2^21 samples or more, which take 0.3 s). Borrows field for life.
+ * store may be NULL. */
 SV_MUST_CHECK enum sv_status sv_terrain_lod_create(const struct sv_heightfield *field, struct sv_store *store,
                                                    struct sv_terrain_lod **lod, struct sv_error *error);
 void sv_terrain_lod_destroy(struct sv_terrain_lod *lod); /* NULL is legal */

@@ -84,6 +84,11 @@ static void put_packed(struct builder *b, int i, int j, uint32_t value)
 
 /* ---- geometry ---- */
 
+/* fmax without its care for NaN, which costs a call. */
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
 static int min_int(int a, int b)
 {
     return a < b ? a : b;
@@ -148,7 +153,7 @@ static double row_error(const struct builder *b, const struct plane *plane, int 
         double e = fabs((double)h[i] - (start + plane->gi * i));
         worst[0] = e > worst[0] ? e : worst[0];
     }
-    return fmax(fmax(worst[0], worst[1]), fmax(worst[2], worst[3]));
+    return larger(larger(worst[0], worst[1]), larger(worst[2], worst[3]));
 }
 
 /* Widens lo .. hi by where the edge p q meets row j (whole numbers: edges run along axes or diagonals). */
@@ -174,7 +179,7 @@ static double inner_error(const struct builder *b, struct point p, struct point 
         edge_on_row(p, q, j, &lo, &hi);
         edge_on_row(q, r, j, &lo, &hi);
         edge_on_row(r, p, j, &lo, &hi);
-        worst = fmax(worst, row_error(b, &plane, j, lo, hi));
+        worst = larger(worst, row_error(b, &plane, j, lo, hi));
     }
     return worst;
 }
@@ -195,7 +200,7 @@ static void edge_in_strip(struct point p, struct point q, int j, double *lo, dou
     if (q.j > j + 1)
         c = p.i + (q.i - p.i) * (j + 1 - p.j) / rise;
     *lo = fmin(*lo, fmin(a, c));
-    *hi = fmax(*hi, fmax(a, c));
+    *hi = larger(*hi, larger(a, c));
 }
 
 /* Bound for a squeezed triangle, whose edges cross cells: |surface - plane| is convex on each triangle of the
@@ -210,8 +215,8 @@ static double squeezed_error(const struct builder *b, struct point p, struct poi
         edge_in_strip(q, r, j, &lo, &hi);
         edge_in_strip(r, p, j, &lo, &hi);
         int from = max_int(0, (int)floor(lo - 1e-9)), to = min_int(b->last_i, (int)ceil(hi + 1e-9));
-        worst = fmax(worst, row_error(b, &plane, j, from, to));
-        worst = fmax(worst, row_error(b, &plane, j + 1, from, to));
+        worst = larger(worst, row_error(b, &plane, j, from, to));
+        worst = larger(worst, row_error(b, &plane, j + 1, from, to));
     }
     return worst;
 }
@@ -235,10 +240,10 @@ static void add_triangle(struct builder *b, struct diamond *d, struct point p, s
     q = clamped(b, q);
     r = clamped(b, r);
     double error_m = inside ? inner_error(b, p, q, r) : squeezed_error(b, p, q, r);
-    d->error_m = fmax(d->error_m, fmin(error_m, b->range_m));
-    d->radius_m = fmax(d->radius_m, distance_between(b, d->v_clamped, p));
-    d->radius_m = fmax(d->radius_m, distance_between(b, d->v_clamped, q));
-    d->radius_m = fmax(d->radius_m, distance_between(b, d->v_clamped, r));
+    d->error_m = larger(d->error_m, fmin(error_m, b->range_m));
+    d->radius_m = larger(d->radius_m, distance_between(b, d->v_clamped, p));
+    d->radius_m = larger(d->radius_m, distance_between(b, d->v_clamped, q));
+    d->radius_m = larger(d->radius_m, distance_between(b, d->v_clamped, r));
 }
 
 /* Saturates by a child, where there is one. Children that are wholly in the border line were never put: 0
@@ -255,8 +260,8 @@ static void add_child(struct builder *b, struct diamond *d, struct point c)
     if (!packed)
         return;
     double reach = distance_between(b, d->v_clamped, clamped(b, c)) + sv_lod_radius_m(lod, packed);
-    d->error_m = fmax(d->error_m, sv_lod_error_m(lod, packed));
-    d->radius_m = fmax(d->radius_m, reach);
+    d->error_m = larger(d->error_m, sv_lod_error_m(lod, packed));
+    d->radius_m = larger(d->radius_m, reach);
 }
 
 /* Radii get a slack of 2^-12, so that the nesting survives the rounding of the view's own arithmetic. */
@@ -337,8 +342,8 @@ static void measure_finest_edge(struct builder *b, int i, int j)
     struct diamond d = {.v = {i, j}, .v_clamped = {i, j}, .exists = true};
     struct point w = at(i - 1, j), e = at(i + 1, j), s = at(i, j - 1), n = at(i, j + 1);
     d.error_m = i & 1 ? middle_error(b, d.v, w, e) : middle_error(b, d.v, s, n);
-    d.radius_m = fmax(fmax(distance_between(b, d.v, w), distance_between(b, d.v, e)),
-                      fmax(distance_between(b, d.v, s), distance_between(b, d.v, n)));
+    d.radius_m = larger(larger(distance_between(b, d.v, w), distance_between(b, d.v, e)),
+                        larger(distance_between(b, d.v, s), distance_between(b, d.v, n)));
     put_diamond(b, &d);
 }
 
@@ -359,7 +364,7 @@ static void measure_scale(struct builder *b, int half)
 /* A power of two for which values up to `largest` stay below the top of the code. */
 static double unit_for(double largest)
 {
-    return exp2(ceil(log2(fmax(largest, 1e-6))) - 16);
+    return exp2(ceil(log2(larger(largest, 1e-6))) - 16);
 }
 
 enum sv_status sv_lod_measure(struct sv_terrain_lod *lod, struct sv_error *error)
