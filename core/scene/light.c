@@ -87,13 +87,21 @@ static float dotf(struct sv_vec3 a, struct sv_vec3 b)
     return (float)sv_dot(a, b);
 }
 
+float sv_light_tone(float exposed)
+{
+    if (!(exposed > 0.5f))
+        return exposed > 0 ? exposed : 0;
+    float t = 2 * exposed - 1;
+    return exposed < 1e6f ? 0.5f + 0.5f * (t / (1 + t)) : 1;
+}
+
 static void shade(const struct sv_light *light, float n_z, float sun, const float albedo[3], float occlusion,
                   float rgb[3])
 {
     float up = 0.5f + 0.5f * n_z;
     for (int c = 0; c < 3; c++) {
         float ambient = mixf(light->ground_rgb[c], light->sky_rgb[c], up) * occlusion;
-        rgb[c] = albedo[c] * (light->sun_rgb[c] * sun + ambient);
+        rgb[c] = sv_light_tone(albedo[c] * (light->sun_rgb[c] * sun + ambient) * SV_LIGHT_EXPOSURE);
     }
 }
 

@@ -1,10 +1,19 @@
 // light.glsl - shading; TWIN of core/scene/light.c (same names without sv_, same order of operations). rgb linear.
 #include "frame.glsl"
 
+const float LIGHT_EXPOSURE = 2.4; // SV_LIGHT_EXPOSURE
+
+// Tone curve: straight up to a half, then a shoulder that never reaches 1.
+vec3 light_tone(vec3 c)
+{
+    vec3 t = max(2.0 * c - 1.0, 0.0);
+    return min(c, vec3(0.5)) + 0.5 * (t / (1.0 + t));
+}
+
 vec3 light_shade(float n_z, float sun, vec3 albedo, float occlusion)
 {
     vec3 ambient = mix(ground_rgb.rgb, sky_rgb.rgb, 0.5 + 0.5 * n_z) * occlusion;
-    return albedo * (sun_rgb.rgb * sun + ambient);
+    return light_tone(albedo * (sun_rgb.rgb * sun + ambient) * LIGHT_EXPOSURE);
 }
 
 // n unit.

@@ -28,12 +28,14 @@ static void test_scale(void **state)
     static const float white[3] = {1, 1, 1};
     struct sv_light l = light_at(0, 90);
     float rgb[3];
-    sv_light_surface(&l, sv_vec3(0, 0, 1), white, 1, 1, rgb);
     for (int c = 0; c < 3; c++)
-        assert_true(fabsf(rgb[c] - 1) < 1e-3f);
-    l = light_at(100, 40); /* the default sun: bright, not burnt out */
+        assert_true(fabsf(l.sun_rgb[c] + l.sky_rgb[c] - 1) < 1e-3f);
+    l = light_at(100, 40); /* the default sun: white is bright, not burnt out; grass is in the middle of the scale */
     sv_light_surface(&l, sv_vec3(0, 0, 1), white, 1, 1, rgb);
-    assert_true(rgb[1] > 0.6f && rgb[1] < 0.95f);
+    assert_true(rgb[1] > 0.75f && rgb[1] < 0.95f);
+    static const float grass[3] = {0.06f, 0.10f, 0.03f};
+    sv_light_surface(&l, sv_vec3(0, 0, 1), grass, 1, 1, rgb);
+    assert_true(rgb[1] > 0.14f && rgb[1] < 0.24f);
 }
 
 static void test_direction(void **state)
@@ -80,6 +82,29 @@ static void test_hours(void **state)
     assert_true(night.sky_rgb[2] > night.sky_rgb[0] && night.sky_rgb[2] < 0.1f);
 }
 
+/* The tone curve: the identity up to a half, smooth and rising there, below 1 for whatever comes. */
+static void test_tone(void **state)
+{
+    (void)state;
+    static const float odd[] = {0, -0.0f, -1, NAN, -INFINITY, 1e-42f};
+    for (size_t k = 0; k < sizeof odd / sizeof *odd; k++)
+        assert_true(sv_light_tone(odd[k]) >= 0 && sv_light_tone(odd[k]) < 1e-30f);
+    float last = 0;
+    for (float v = 0.001f; v < 50; v *= 1.01f) {
+        float t = sv_light_tone(v);
+        assert_true(t > last && t < 1 && t <= v);
+        assert_true(v > 0.5f || t == v);
+        assert_true(t - last <= 1.001f * (v - v / 1.01f) + 1e-6f); /* no slope above 1: no kink at a half */
+        last = t;
+    }
+    assert_true(sv_light_tone(INFINITY) == 1 && sv_light_tone(3e38f) == 1);
+}
+
+static double tone(double c)
+{
+    return c <= 0.5 ? c : 0.5 + 0.5 * (2 * c - 1) / (1 + (2 * c - 1));
+}
+
 /* The rules of the header, written out in double. */
 static void test_rules(void **state)
 {
@@ -99,7 +124,7 @@ static void test_rules(void **state)
                        ((double)l.ground_rgb[c] * (1 - t) + (double)l.sky_rgb[c] * t) * (double)occlusion;
             double want = (double)albedo[c] *
                           ((double)l.sun_rgb[c] * fmax(0, sv_dot(n, l.to_sun)) * (double)visible + ambient);
-            assert_true(fabs((double)rgb[c] - want) < 1e-6);
+            assert_true(fabs((double)rgb[c] - tone(want * (double)SV_LIGHT_EXPOSURE)) < 2e-6);
         }
         sv_light_leaf(&l, n, viewer, albedo, occlusion, translucency, visible, rgb);
         if (sv_dot(n, viewer) < 0)
@@ -110,7 +135,7 @@ static void test_rules(void **state)
                    ambient =
                        ((double)l.ground_rgb[c] * (1 - t) + (double)l.sky_rgb[c] * t) * (double)occlusion;
             double want = (double)albedo[c] * ((double)l.sun_rgb[c] * sun * (double)visible + ambient);
-            assert_true(fabs((double)rgb[c] - want) < 1e-6);
+            assert_true(fabs((double)rgb[c] - tone(want * (double)SV_LIGHT_EXPOSURE)) < 2e-6);
         }
     }
 }
@@ -185,7 +210,7 @@ static void test_air(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_scale), cmocka_unit_test(test_direction),
-                                       cmocka_unit_test(test_hours), cmocka_unit_test(test_rules),
+                                       cmocka_unit_test(test_hours), cmocka_unit_test(test_tone), cmocka_unit_test(test_rules),
                                        cmocka_unit_test(test_sky),   cmocka_unit_test(test_disc),
                                        cmocka_unit_test(test_air)};
     return cmocka_run_group_tests(tests, NULL, NULL);
