@@ -39,7 +39,7 @@ enum sv_habit {
 enum { SV_GROW_LEAVES_MAX = 1000000 };
 
 /* Version of the builder: part of cache keys; raise it whenever the output changes. */
-#define SV_GROW_VERSION 2
+#define SV_GROW_VERSION 3
 
 /* The habit's name, never NULL; "unknown habit" for a value that is none. */
 const char *sv_habit_name(enum sv_habit habit);

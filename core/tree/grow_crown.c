@@ -334,7 +334,7 @@ void sv_grow_crown(struct sv_grow_tree *tree, enum sv_habit habit, uint32_t leav
     free(points);
     if (tree->failed)
         return;
-    sv_grow_smooth(tree, SV_GROW_LIMB, 3);
+    sv_grow_smooth(tree, SV_GROW_LIMB, 7);
     struct sv_grow_twigs twigs = f->twigs;
     double wanted = leaves / f->leaves_per_twig;
     twigs.count = wanted < f->twigs_min ? f->twigs_min : wanted > 90000 ? 90000 : (int)wanted;
