@@ -113,6 +113,7 @@ struct Source {
     std::unique_ptr<Filesystem::IOMemReader> memory;
     std::unique_ptr<ImageInput> input;
     std::string plugin;
+    size_t size = 0; /* of the bytes */
 };
 
 enum sv_status open_source(const void *bytes, size_t size, const char *extension, Source &source,
@@ -123,6 +124,7 @@ enum sv_status open_source(const void *bytes, size_t size, const char *extension
         return sv_fail(error, SV_EFORMAT, "image", "%zu bytes of no known picture format%s%s", size,
                        extension ? ", extension " : "", extension ? extension : "");
     source.plugin = reader->plugin;
+    source.size = size;
     if (source.plugin == "webp")
         return SV_OK;
     source.input = ImageInput::create(reader->plugin);
@@ -154,12 +156,20 @@ enum sv_status open_source(const void *bytes, size_t size, const char *extension
     return SV_OK;
 }
 
-enum sv_status check_bytes(const ImageSpec &spec, int channels, size_t sample, struct sv_error *error)
+/* No picture expands further than deflate and the like can: a few bytes that claim a gigabyte are refused
+ * before it is touched. */
+constexpr size_t EXPANSION_MAX = 2000, EXPANSION_FREE_BYTES = (size_t)64 << 20;
+
+enum sv_status check_bytes(int width, int height, int channels, size_t sample, size_t file_size,
+                           struct sv_error *error)
 {
-    size_t need = (size_t)spec.width * (size_t)spec.height * (size_t)channels * sample;
+    size_t need = (size_t)width * (size_t)height * (size_t)channels * sample;
     if (need > PIXEL_BYTES_MAX)
-        return sv_fail(error, SV_ELIMIT, "image", "%d x %d with %d channels takes %zu bytes, over %zu",
-                       spec.width, spec.height, channels, need, PIXEL_BYTES_MAX);
+        return sv_fail(error, SV_ELIMIT, "image", "%d x %d with %d channels takes %zu bytes, over %zu", width,
+                       height, channels, need, PIXEL_BYTES_MAX);
+    if (need > EXPANSION_FREE_BYTES && need / EXPANSION_MAX > file_size)
+        return sv_fail(error, SV_ELIMIT, "image", "%zu bytes claim to hold %zu bytes of pixels", file_size,
+                       need);
     return SV_OK;
 }
 
@@ -218,10 +228,16 @@ Channels color_channels(const ImageSpec &spec)
 
 /* A picture read as far as its colour goes: samples of one type, interleaved. */
 struct Loaded {
-    std::vector<unsigned char> own;
-    sv_image image; /* own's pixels, or the heap's */
-    Channels channels;
-    bool premultiplied;
+    sv_image image = {};
+    Channels channels = {};
+    bool premultiplied = false;
+    Loaded() = default;
+    Loaded(const Loaded &) = delete;
+    Loaded &operator=(const Loaded &) = delete;
+    ~Loaded()
+    {
+        sv_image_free(&image);
+    }
 };
 
 float unit(float v)
@@ -336,12 +352,14 @@ enum sv_status load(Source &source, Loaded &l, struct sv_error *error)
     l.channels = color_channels(spec);
     enum sv_pixel_type type = spec.channelformats.empty() ? raw_type(spec.format) : SV_PIXEL_F32;
     type = type == SV_PIXEL_U32 ? SV_PIXEL_F32 : type;
-    enum sv_status status = check_bytes(spec, l.channels.end, sv_pixel_bytes(type), error);
+    enum sv_status status =
+        check_bytes(spec.width, spec.height, l.channels.end, sv_pixel_bytes(type), source.size, error);
     if (status != SV_OK)
         return status;
-    l.image = {spec.width, spec.height, l.channels.end, type, nullptr};
-    l.own.resize(sv_image_bytes(&l.image));
-    l.image.data = l.own.data();
+    status = sv_image_alloc(spec.width, spec.height, l.channels.end, type, &l.image,
+                            error); /* zeros, not yet touched */
+    if (status != SV_OK)
+        return status;
     l.premultiplied = source.plugin == "openexr";
     return read_pixels(source, 0, l.channels.end, oiio_type(type), l.image.data, error);
 }
@@ -353,18 +371,15 @@ enum sv_status decode_rgba(const void *bytes, size_t size, const char *extension
     enum sv_status status = open_source(bytes, size, extension, source, error);
     if (status != SV_OK)
         return status;
-    Loaded l = {};
-    sv_image webp = {};
+    Loaded l;
     if (source.input) {
         status = load(source, l, error);
     } else {
-        status = sv_webp_decode(bytes, size, &webp, error);
-        l.image = webp;
-        l.channels = {{0, 1, 2}, webp.channels == 4 ? 3 : -1, webp.channels};
+        status = sv_webp_decode(bytes, size, &l.image, error);
+        l.channels = {{0, 1, 2}, l.image.channels == 4 ? 3 : -1, l.image.channels};
     }
     if (status == SV_OK)
         status = shrink(l, max_side, rgba, error);
-    sv_image_free(&webp);
     if (status == SV_OK && has_alpha)
         *has_alpha = l.channels.alpha >= 0;
     return status;
@@ -375,7 +390,8 @@ enum sv_status decode_range(Source &source, int first, int end, enum sv_pixel_ty
                             struct sv_error *error)
 {
     const ImageSpec &spec = source.input->spec();
-    enum sv_status status = check_bytes(spec, end - first, sv_pixel_bytes(type), error);
+    enum sv_status status =
+        check_bytes(spec.width, spec.height, end - first, sv_pixel_bytes(type), source.size, error);
     if (status != SV_OK)
         return status;
     sv_image out = {};

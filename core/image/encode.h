@@ -2,7 +2,8 @@
  * out).
  *
  * sv_image_init first, before any fork: OpenImageIO threads=1, exr_threads=-1, so that forked children can
- * encode (tested). All calls are stateless; one thread at a time. Nothing here prints. Equal input gives
+ * encode (tested). All calls are stateless; one thread at a time. Nothing here prints (libpng has a
+ * line on standard error for a damaged PNG). Equal input gives
  * equal bytes: no file carries a time.
  *
  * Settings, chosen by `tests/core/image/sweep_encode 512` (made-up landscape) and with a forest photo
@@ -90,7 +91,8 @@ SV_MUST_CHECK enum sv_status sv_image_encode(const struct sv_encode_layer *layer
  * tiff, webp, exr, sgi (rgb), tga, dds, bmp, gif (first frame), psd, hdr, pnm, told by their bytes; extension
  * (no dot, any case, may be NULL) matters for tga only, which has no magic. 16-bit integers are taken as
  * sRGB, floats as linear. Any bytes are legal input. SV_ENOENT, SV_EIO (the file), SV_EFORMAT, SV_ELIMIT over
- * SV_DECODE_SIDE_MAX a side, files over 1 GiB or pixels over 2 GiB, SV_EINVAL (max_side), SV_ENOMEM. */
+ * SV_DECODE_SIDE_MAX a side, files over 1 GiB, pixels over 2 GiB, or over 64 MiB and 2000 times the file;
+ * SV_EINVAL (max_side), SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_image_decode_file(const char *path, int max_side, struct sv_image *rgba,
                                                   bool *has_alpha, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_image_decode_bytes(const void *bytes, size_t size, const char *extension,
