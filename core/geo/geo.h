@@ -78,10 +78,9 @@ struct sv_dem_report {
     char driver[32];
     bool was_geographic; /* the file is in degrees, and so was warped */
     const char *warped;  /* why it was warped: "geographic", "rotated", "axes" (south or west axes), "scale"
-                            (Web Mercator and others  that are more than 5 % off true lengths); NULL: taken as
+                            (Web Mercator and others that are more than 5 % off true lengths); NULL: taken as
                             it is. Static text */
-    double
-        kept; /* warped: share of the source's area in the field, 0 .. 1 (slivers at the edges are cut off) */
+    double kept; /* warped: share of the source's area in the field, 0 .. 1 (slivers at the edges are cut) */
     uint64_t edge_filled; /* warped: samples of the field outside the source, invented; 0 unless the outline
                              lies so askew that cutting would have cost 40 % */
     uint64_t voids; /* samples of the file that were filled: nodata, masked, NaN, infinite, -32768, -32767,
@@ -102,7 +101,8 @@ struct sv_dem_report {
  * any georeference has 1 m cells, its south-west corner at (0, 0). Degrees, rotated rasters and the others
  * that report->warped names are warped (bilinear) at their own mean resolution: rotated ones in their own
  * system, all others to WGS 84 / UTM of their centre (zones of Norway and Svalbard as UTM has them; UPS from
- * 84 N and from 80 S on); the field is the largest north-up rectangle inside them. Heights: nodata is
+ * 84 N and from 80 S on); the field is the largest north-up rectangle inside them.
+ * Heights: nodata is
  * compared in the band's own type; scale and offset of the band apply; then the unit. Vertical datums are not
  * converted.
  * Voids are filled before any warping: a large one that reaches the border and has a level rim (sea) is laid
@@ -110,8 +110,8 @@ struct sv_dem_report {
  * One row or column is doubled, half a cell to either side. Heights go to the arena, relative to field->z0 (a
  * whole number). Limits (SV_ELIMIT) of heightfield.h hold for the file and for the field, and are checked
  * before heights are read; degrees may reach at most 20 degrees from the centre. Costs 4 bytes a sample of
- * the arena, as much of heap if warped, 6 more a void. SV_ENOENT, SV_EFORMAT, SV_EINVAL (options), SV_EIO
- * (the file breaks off), SV_ENOMEM. */
+ * the arena, as much of heap if warped, and 3 a sample and 4 a void of heap while voids are filled.
+ * SV_ENOENT, SV_EFORMAT, SV_EINVAL (options), SV_EIO (the file breaks off), SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_dem_read(const struct sv_dem_options *options, struct sv_arena *arena,
                                          struct sv_heightfield *field, struct sv_crs **crs,
                                          struct sv_dem_report *report, struct sv_error *error);
