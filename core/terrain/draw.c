@@ -55,8 +55,11 @@ static void upload_image(const struct sv_image *image, GLenum storage, GLenum fo
     gl.GenerateMipmap(GL_TEXTURE_2D);
 }
 
-static void set_sampling(GLenum wrap)
+/* No anisotropic filter: at 2x it costs a quarter of the terrain's time (llvmpipe). Half a level of bias is
+ * free. */
+static void set_sampling(GLenum wrap, float bias)
 {
+    gl.TexParameterf(GL_TEXTURE_2D, GL_TEXTURE_LOD_BIAS, bias);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, (GLint)wrap);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, (GLint)wrap);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
@@ -78,13 +81,13 @@ static void make_textures(struct sv_terrain_draw *draw)
     gl.GenTextures(UNIT_COUNT, draw->textures);
     gl.BindTexture(GL_TEXTURE_2D, draw->textures[UNIT_ALBEDO]);
     upload_image(&draw->terrain->albedo, GL_SRGB8_ALPHA8, GL_RGBA);
-    set_sampling(GL_CLAMP_TO_EDGE);
+    set_sampling(GL_CLAMP_TO_EDGE, -0.5f);
     gl.BindTexture(GL_TEXTURE_2D, draw->textures[UNIT_NORMAL]);
     upload_image(&draw->terrain->normal, GL_RG8, GL_RG);
-    set_sampling(GL_CLAMP_TO_EDGE);
+    set_sampling(GL_CLAMP_TO_EDGE, -0.5f);
     gl.BindTexture(GL_TEXTURE_2D, draw->textures[UNIT_DETAIL]);
     upload_detail();
-    set_sampling(GL_REPEAT);
+    set_sampling(GL_REPEAT, 0);
 }
 
 static void make_buffers(struct sv_terrain_draw *draw)

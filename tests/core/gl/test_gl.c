@@ -235,6 +235,30 @@ static void depth_reaches_from_hand_to_horizon(void **state)
     sv_gl_target_destroy(target);
 }
 
+/* Counter-clockwise for the viewer is the front, in spite of the flip. */
+static void front_is_counter_clockwise(void **state)
+{
+    struct fixture *f = *state;
+    struct sv_gl_target *target = new_target(1u << SV_LAYER_ID);
+    struct sv_gl_frame frame = frame_at(0.4, 0.1, 0);
+    const float paint[4] = {1, 1, 1, 1};
+    begin_frame(&frame);
+    for (int back = 0; back < 2; back++) {
+        struct sv_image id;
+        struct sv_camera axes = frame.camera;
+        if (back)
+            axes.right = sv_scale(axes.right, -1);
+        sv_gl_target_begin(target);
+        gl.Enable(GL_CULL_FACE);
+        draw_square(f, &axes, sv_scale(frame.camera.forward, 5), 9, paint, 3);
+        read_layer(target, SV_LAYER_ID, 1, SV_PIXEL_U32, &id);
+        assert_int_equal(((const uint32_t *)id.data)[H / 2 * W + W / 2], back ? 0 : 3);
+        sv_image_free(&id);
+    }
+    gl.Disable(GL_CULL_FACE);
+    sv_gl_target_destroy(target);
+}
+
 static void missing_layers_are_refused(void **state)
 {
     (void)state;
@@ -310,6 +334,7 @@ int main(void)
         cmocka_unit_test(picture_is_upright),
         cmocka_unit_test(shift_moves_the_sample),
         cmocka_unit_test(depth_reaches_from_hand_to_horizon),
+        cmocka_unit_test(front_is_counter_clockwise),
         cmocka_unit_test(missing_layers_are_refused),
         cmocka_unit_test(broken_shaders_have_words),
         cmocka_unit_test(gl_errors_are_told),
