@@ -55,7 +55,7 @@ struct sv_wire_ready {
     uint64_t facts_bytes;     /* of JSON text in the memfd */
     double relief_distance_m; /* the scene's own: the size of a cell */
     int32_t epsg;             /* of the scene's coordinate system, 0 when it has no code */
-    uint32_t threads;         /* of the scene process at the time of forking: 1 is what is wanted */
+    uint32_t new_threads;     /* that loading started and that still run: none may when workers are forked */
 };
 
 struct sv_wire_reason { /* one reason why a scene does not load */

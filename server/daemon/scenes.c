@@ -206,11 +206,11 @@ static void becomes_serving(struct sv_scene_process *process, const struct sv_wi
     scenes->has_served = true;
     scenes->early_deaths = 0;
     scenes->last_failure[0] = '\0';
-    sv_log(SV_LOG_INFO, "scene ready", "process %d, version %016llx, loaded in %.0f ms, %u threads",
-           (int)process->pid, (unsigned long long)process->version, process->load_ms, ready->threads);
-    if (ready->threads > 1)
-        sv_log(SV_LOG_WARNING, "scene threads", "%u threads at the time of forking: a library started some",
-               ready->threads);
+    sv_log(SV_LOG_INFO, "scene ready", "process %d, version %016llx, loaded in %.0f ms", (int)process->pid,
+           (unsigned long long)process->version, process->load_ms);
+    if (ready->new_threads)
+        sv_log(SV_LOG_WARNING, "scene threads", "loading left %u threads running: workers may hang",
+               ready->new_threads);
     sv_crew_start(&process->crew, process->control_fd);
     scenes->events.serving(scenes->crew.events.context);
     if (old) {

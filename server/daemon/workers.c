@@ -59,13 +59,6 @@ static void kill_process(struct sv_worker *worker)
         syscall(SYS_pidfd_send_signal, worker->pidfd, SIGKILL, NULL, 0);
 }
 
-/* Has the scene process closed its end? It does so before its death kills the workers. */
-static bool scene_is_gone(const struct sv_crew *crew)
-{
-    char byte;
-    return crew->control_fd < 0 || recv(crew->control_fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
-}
-
 static void schedule_refill(struct sv_crew *crew)
 {
     double pause_ms = 0;
@@ -80,48 +73,39 @@ static void schedule_refill(struct sv_crew *crew)
 }
 
 /* The job's slab may still be written by a process that is dying: its memory goes with that process. */
-static void take_work(struct sv_worker *worker, void **work)
+static void drop_slab(struct sv_worker *worker)
 {
-    *work = worker->work;
-    worker->work = NULL;
     sv_slab_discard(worker->slab);
     worker->slab = NULL;
 }
 
-/* The worker died, or what it says cannot be trusted. */
+/* The worker is dying, or what it says cannot be trusted. Its work stays with it until it is known why: the
+ * scene process reaps those who died by themselves and says so (sv_crew_exited); when that one died first,
+ * nobody does (sv_crew_abandon). */
 static void worker_lost(struct sv_worker *worker, const char *why)
 {
-    struct sv_crew *crew = worker->crew;
-    void *work;
     if (worker->state == SV_WORKER_LEAVING)
         return;
-    bool by_itself = !scene_is_gone(crew);
-    if (by_itself) {
-        sv_log(SV_LOG_WARNING, "worker lost", "worker %d: %s%s", (int)worker->pid, why,
-               worker->work ? ", with a job in hand" : "");
-        sv_metrics_count(crew->options.metrics, SV_COUNT_WORKER_DIED);
-        crew->early_deaths++;
-    }
+    sv_log(SV_LOG_DEBUG, "worker lost", "worker %d: %s", (int)worker->pid, why);
     worker->state = SV_WORKER_LEAVING;
     close_socket(worker);
     kill_process(worker);
-    take_work(worker, &work);
-    schedule_refill(crew);
-    if (work)
-        crew->options.events.lost(crew->options.events.context, work, by_itself);
+    drop_slab(worker);
 }
 
 static void on_pid(void *context, uint32_t events)
 {
     struct sv_worker *worker = context;
     (void)events;
+    sv_loop_unwatch(worker->crew->options.loop, worker->pid_watch);
+    worker->pid_watch = NULL;
     worker_lost(worker, "it ended");
-    free_worker(worker);
 }
 
 static void leave(struct sv_worker *worker)
 {
     worker->state = SV_WORKER_LEAVING;
+    worker->told = true;
     close_socket(worker); /* it reads the end and leaves by itself */
 }
 
@@ -269,8 +253,7 @@ void sv_crew_forked(struct sv_crew *crew, const struct sv_wire_forked *message, 
     if (sv_loop_watch(crew->options.loop, pidfd, EPOLLIN, on_pid, worker, &worker->pid_watch, &error) !=
         SV_OK) {
         sv_log(SV_LOG_ERROR, "workers", "%s", error.message);
-        kill_process(worker);
-        free_worker(worker);
+        worker_lost(worker, error.message);
         return;
     }
     if (worker->state == SV_WORKER_LEAVING) { /* died, or was dismissed, before we heard of it */
@@ -284,13 +267,27 @@ void sv_crew_forked(struct sv_crew *crew, const struct sv_wire_forked *message, 
 
 void sv_crew_exited(struct sv_crew *crew, const struct sv_wire_exited *message)
 {
+    struct sv_worker *worker = crew->workers;
     int status = message->wait_status;
-    (void)crew;
-    if (WIFSIGNALED(status))
-        sv_log(SV_LOG_INFO, "worker ended", "worker %d: signal %d (%s)", (int)message->pid, WTERMSIG(status),
-               strsignal(WTERMSIG(status)));
-    else
-        sv_log(SV_LOG_DEBUG, "worker ended", "worker %d: status %d", (int)message->pid, WEXITSTATUS(status));
+    while (worker && worker->pid != message->pid)
+        worker = worker->next;
+    if (!worker)
+        return;
+    worker_lost(worker, "it was reaped");
+    void *work = worker->work;
+    bool told = worker->told;
+    free_worker(worker);
+    if (!told) {
+        const char *name = WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "exit";
+        sv_log(SV_LOG_WARNING, "worker died", "worker %d: %s %d%s", (int)message->pid, name,
+               WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status),
+               work ? ", with a job in hand" : "");
+        sv_metrics_count(crew->options.metrics, SV_COUNT_WORKER_DIED);
+        crew->early_deaths++;
+    }
+    schedule_refill(crew);
+    if (work)
+        crew->options.events.lost(crew->options.events.context, work, true);
 }
 
 void sv_crew_dismiss(struct sv_crew *crew)
@@ -309,9 +306,9 @@ void sv_crew_abandon(struct sv_crew *crew)
     sv_loop_disarm(crew->options.loop, &crew->refill);
     while (crew->workers) {
         struct sv_worker *worker = crew->workers;
-        void *work;
+        void *work = worker->work;
         kill_process(worker);
-        take_work(worker, &work);
+        drop_slab(worker);
         free_worker(worker);
         if (work)
             crew->options.events.lost(crew->options.events.context, work, false);
@@ -387,16 +384,16 @@ bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *requ
 
 void sv_crew_kill(struct sv_crew *crew, const void *work, const char *why)
 {
-    for (struct sv_worker *w = crew->workers; w; w = w->next)
-        if (w->state == SV_WORKER_BUSY && w->work == work) {
-            void *taken;
-            sv_log(SV_LOG_WARNING, "worker killed", "worker %d: %s", (int)w->pid, why);
-            sv_metrics_count(crew->options.metrics, SV_COUNT_WORKER_KILLED);
-            w->state = SV_WORKER_LEAVING;
-            close_socket(w);
-            kill_process(w);
-            take_work(w, &taken);
-            schedule_refill(crew);
-            return;
-        }
+    struct sv_worker *w = crew->workers;
+    while (w && w->work != work)
+        w = w->next;
+    if (!w)
+        return;
+    w->work = NULL;
+    if (w->state == SV_WORKER_LEAVING)
+        return;
+    w->told = true;
+    sv_metrics_count(crew->options.metrics, SV_COUNT_WORKER_KILLED);
+    sv_log(SV_LOG_WARNING, "worker killed", "worker %d: %s", (int)w->pid, why);
+    worker_lost(w, why);
 }

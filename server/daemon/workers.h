@@ -24,7 +24,7 @@ enum sv_worker_state {
     SV_WORKER_FORKING, /* asked for */
     SV_WORKER_IDLE,
     SV_WORKER_BUSY,
-    SV_WORKER_LEAVING /* killed, dead or told to go; gone when its pidfd says so */
+    SV_WORKER_LEAVING /* killed, dead or told to go; forgotten when the scene process has reaped it */
 };
 
 struct sv_worker {
@@ -33,6 +33,7 @@ struct sv_worker {
     enum sv_worker_state state;
     uint64_t id;
     pid_t pid; /* 0 while FORKING */
+    bool told; /* LEAVING because we said so */
     int fd, pidfd;
     struct sv_watch *fd_watch, *pid_watch;
     uint64_t job; /* BUSY: its id */

@@ -40,9 +40,9 @@ void sv_control_failed(int control_fd, enum sv_status status, const struct sv_er
     send_or_leave(control_fd, &message, -1);
 }
 
-static uint32_t count_threads(void)
+unsigned sv_control_threads(void)
 {
-    uint32_t count = 0;
+    unsigned count = 0;
     DIR *tasks = opendir("/proc/self/task");
     const struct dirent *entry;
     while (tasks && (entry = readdir(tasks)))
@@ -70,7 +70,7 @@ static int text_descriptor(const char *text, size_t bytes)
     return fd;
 }
 
-static bool say_ready(int control_fd, struct sv_backend *backend)
+static bool say_ready(int control_fd, struct sv_backend *backend, unsigned threads)
 {
     union sv_wire_message message;
     struct sv_backend_facts facts;
@@ -80,7 +80,8 @@ static bool say_ready(int control_fd, struct sv_backend *backend)
     message.ready.facts_bytes = strlen(facts.document);
     message.ready.relief_distance_m = facts.relief_distance_m;
     message.ready.epsg = facts.epsg;
-    message.ready.threads = count_threads();
+    unsigned now = sv_control_threads();
+    message.ready.new_threads = now > threads ? now - threads : 0;
     int fd = text_descriptor(facts.document, message.ready.facts_bytes);
     if (fd < 0) {
         sv_log(SV_LOG_ERROR, "control", "facts: %s", strerror(errno));
@@ -151,14 +152,14 @@ static bool take_order(struct sv_backend *backend, int control_fd, int signal_fd
     return false;
 }
 
-int sv_control_serve(int control_fd, struct sv_backend *backend)
+int sv_control_serve(int control_fd, struct sv_backend *backend, unsigned threads)
 {
     sigset_t set;
     sigemptyset(&set);
     sigaddset(&set, SIGCHLD);
     sigprocmask(SIG_BLOCK, &set, NULL);
     int signal_fd = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
-    if (signal_fd < 0 || !say_ready(control_fd, backend))
+    if (signal_fd < 0 || !say_ready(control_fd, backend, threads))
         return EXIT_FAILURE;
     struct pollfd polled[2] = {{.fd = control_fd, .events = POLLIN}, {.fd = signal_fd, .events = POLLIN}};
     for (;;) {

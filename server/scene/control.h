@@ -6,7 +6,10 @@
 
 /* Tells the daemon why the scene does not load. */
 void sv_control_failed(int control_fd, enum sv_status status, const struct sv_errors *errors);
-/* Says ready and serves until the daemon closes the socket; the process's exit status. */
-int sv_control_serve(int control_fd, struct sv_backend *backend);
+/* Threads of this process. */
+unsigned sv_control_threads(void);
+/* Says ready and serves until the daemon closes the socket; the process's exit status. threads: how many
+ * there were when main began (libraries start some before); more by now are told to the daemon. */
+int sv_control_serve(int control_fd, struct sv_backend *backend, unsigned threads);
 
 #endif

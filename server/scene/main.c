@@ -128,6 +128,7 @@ static int serve(const struct arguments *a)
 {
     struct sv_errors errors;
     struct sv_backend *backend;
+    unsigned threads = sv_control_threads();
     /* A terminal or a supervisor may send these to the whole group: the daemon decides when this process
      * ends. */
     signal(SIGINT, SIG_IGN);
@@ -141,7 +142,7 @@ static int serve(const struct arguments *a)
         return EXIT_FAILURE;
     }
     sv_errors_finish(&errors);
-    return sv_control_serve(a->control_fd, backend);
+    return sv_control_serve(a->control_fd, backend, threads);
 }
 
 int main(int argc, char **argv)

@@ -21,6 +21,8 @@ import unittest
 DAEMON = os.environ["E2E_DAEMON"]
 PROGRAM = os.environ["E2E_SCENE_PROGRAM"]
 PATIENCE_S = float(os.environ.get("E2E_PATIENCE_S", "60"))
+# The sanitizer keeps freed memory back, 256 MiB of it by default, which would hide whether ours grows.
+SANITIZER = {"ASAN_OPTIONS": "quarantine_size_mb=8"} if os.environ.get("E2E_SANITIZED") == "1" else {}
 SCENE = {
     "name": "e2e",
     "terrain": {"procedural": {"size_m": 400, "samples": 65, "relief_m": 10, "seed": 1}},
@@ -100,7 +102,7 @@ class Daemon:
         self.log_path = os.path.join(self.folder, "log")
         self.log = open(self.log_path, "wb")
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=self.log, env=dict(os.environ, SILVISTA_TEST_HOOKS="1")
+            command, stdout=subprocess.PIPE, stderr=self.log, env=dict(os.environ, SILVISTA_TEST_HOOKS="1", **SANITIZER)
         )
         line = self.process.stdout.readline().decode()
         match = re.fullmatch(r"listening on https?://127\.0\.0\.1:(\d+)\n", line)
@@ -257,7 +259,7 @@ class Case(unittest.TestCase):
 
     def tearDown(self):
         for daemon in self.daemons:
-            if self._outcome and any(e for _, e in getattr(self._outcome, "errors", [])):
+            if self._outcome and not self._outcome.success:
                 print(daemon.log_text()[-6000:])
             with contextlib.suppress(OSError):
                 family = daemon.family()

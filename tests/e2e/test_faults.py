@@ -36,9 +36,9 @@ class Workers(Case):
         until(lambda: d.metric("workers") == 2, "both workers replaced")
 
     def test_deadline_is_504_and_kills_the_worker(self):
-        d = self.start(deadline_ms=300)
+        d = self.start()
         d.hook("hold", "79")
-        answer = d.view(79)
+        answer = d.view(79, Prefer="wait=1")
         self.assertEqual(answer.status, 504)
         self.assertEqual(answer.problem()["type"], "urn:silvista:problem:deadline-passed")
         self.assertEqual(d.metric("workers_killed_total"), 1)
@@ -148,7 +148,7 @@ class Scene(Case):
         until(lambda: d.get("/readyz").status == 200, "ready again")
         self.assertLess(time.monotonic() - start, 10)
         self.assertEqual(d.view(64).status, 200)
-        self.assertEqual(in_flight.result().status, 200)
+        self.assertEqual(in_flight.result().status, 200, in_flight.result().body)
         self.assertEqual(d.metric("scene_deaths_total"), 1)
         self.assertEqual(d.metric("workers_died_total"), 0)
 
