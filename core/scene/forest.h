@@ -1,7 +1,8 @@
 /* forest.h - the trees that stand in a scene, sorted for drawing, with a hierarchy of boxes for culling.
  *
- * Trees are stored in Morton order of their place. leaf nodes hold up to SV_FOREST_LEAF trees that are neighbours; nodes
- * form an implicit complete binary tree over the order (node boxes bound crowns, not only stems). Plain data, arena. */
+ * Trees are stored in Morton order of their place. leaf nodes hold up to SV_FOREST_LEAF trees that are
+ * neighbours; nodes form an implicit complete binary tree over the order (node boxes bound crowns, not only
+ * stems). Plain data, arena. */
 #ifndef SV_SCENE_FOREST_H
 #define SV_SCENE_FOREST_H
 
@@ -32,11 +33,11 @@ struct sv_forest_node {
 };
 
 struct sv_forest {
-    struct sv_vec3 origin;     /* world place that boxes are relative to */
+    struct sv_vec3 origin; /* world place that boxes are relative to */
     const struct sv_tree *trees;
     uint32_t count;
-    /* nodes[1] is the root, children of k are 2k and 2k + 1; nodes with index >= leaf_first are leaves. node_count is 0 for no trees.
-     * A node with count 0 is empty: its box is inverted. */
+    /* nodes[1] is the root, children of k are 2k and 2k + 1; nodes with index >= leaf_first are leaves.
+     * node_count is 0 for no trees. A node with count 0 is empty: its box is inverted. */
     const struct sv_forest_node *nodes;
     uint32_t node_count, leaf_first;
 };
@@ -48,9 +49,10 @@ struct sv_crown_bound {
     float bottom; /* <= 0, in heights */
 };
 
-/* Sorts trees (taken in any order; the array is reordered in place, and forest->trees borrows it: allocate it from the
- * arena) and builds the hierarchy into the arena. Every species must have its entry in bounds. No trees are legal.
- * SV_ENOMEM; SV_ELIMIT over SV_FOREST_TREES_MAX; SV_EINVAL when a place or height is not finite. */
+/* Sorts trees (taken in any order; the array is reordered in place, and forest->trees borrows it: allocate it
+ * from the arena) and builds the hierarchy into the arena. Every species must have its entry in bounds. No
+ * trees are legal. SV_ENOMEM; SV_ELIMIT over SV_FOREST_TREES_MAX; SV_EINVAL when a place or height is not
+ * finite. */
 SV_MUST_CHECK enum sv_status sv_forest_build(struct sv_tree *trees, uint32_t count,
                                              const struct sv_crown_bound *bounds, struct sv_arena *arena,
                                              struct sv_forest *forest, struct sv_error *error);

@@ -9,8 +9,10 @@
 #include <sys/stat.h>
 
 #include "core/base/hash.h"
+#include "core/terrain/coloring.h"
+#include "core/terrain/procedural.h"
 
-/* Raise it whenever the same inputs give another scene (placing, colouring, filling). */
+/* Raise it whenever the same inputs give another scene (placing, filling). */
 enum { SCENE_BUILD_VERSION = 1 };
 
 void sv_loading_note(const struct sv_loading *l, int level, const char *format, ...)
@@ -33,7 +35,7 @@ void sv_loading_fail(const struct sv_loading *l, const struct sv_error *error, c
     vsnprintf(where, sizeof where, path, args);
     va_end(args);
     const char *file = l->spec->path ? l->spec->path : "scene";
-    bool named = error->field[0] && strcmp(error->field, where) != 0;
+    bool named = error->field[0] && strcmp(error->field, where) != 0 && !strstr(error->message, error->field);
     sv_errors_add(l->errors, error->code, where, "%s: %s%s%s", file, named ? error->field : "",
                   named ? ": " : "", error->message);
 }
@@ -132,6 +134,7 @@ uint64_t sv_loading_version(const struct sv_loading *l)
 {
     const struct sv_scene_spec *spec = l->spec;
     uint64_t h = sv_hash_string(sv_hash_u64(SV_HASH_INIT, SCENE_BUILD_VERSION), SV_VERSION);
+    h = sv_hash_u64(sv_hash_u64(h, SV_PROCEDURAL_VERSION), SV_COLORING_VERSION);
     h = sv_hash_string(h, spec->name);
     h = hash_terrain(h, &spec->terrain);
     for (int k = 0; k < spec->species_count; k++) {

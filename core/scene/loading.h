@@ -18,6 +18,11 @@ void sv_loading_note(const struct sv_loading *l, int level, const char *format, 
 void sv_loading_fail(const struct sv_loading *l, const struct sv_error *error, const char *path, ...)
     SV_PRINTF(3, 4);
 
+/* Height field and coordinate system, from a DEM or made; then imagery, colours and normals. False after an
+ * error was added. */
+bool sv_loading_ground(struct sv_loading *l);
+bool sv_loading_colors(struct sv_loading *l);
+
 /* All trees of the scene file's "forest", heap (caller frees), numbered in order; *trees may be NULL when
  * there are none. False after an error was added. */
 bool sv_loading_plant(const struct sv_loading *l, struct sv_tree **trees, uint32_t *count);

@@ -145,6 +145,25 @@ static void plant_point(struct planting *p, const struct sv_points_spec *s, cons
     p->trees[p->count++] = t;
 }
 
+/* No point is on the terrain: says where both are. */
+static void tell_apart(const struct planting *p, int entry, const struct sv_points *points)
+{
+    const struct sv_heightfield *f = &p->l->scene->terrain.field;
+    double min[2] = {INFINITY, INFINITY}, max[2] = {-INFINITY, -INFINITY};
+    for (size_t k = 0; k < points->count; k++) {
+        min[0] = fmin(min[0], points->items[k].x);
+        min[1] = fmin(min[1], points->items[k].y);
+        max[0] = fmax(max[0], points->items[k].x);
+        max[1] = fmax(max[1], points->items[k].y);
+    }
+    sv_loading_note(p->l, 1,
+                    "forest[%d]: none of %zu points is on the terrain: they lie at x %.1f .. %.1f, y %.1f .. "
+                    "%.1f, the terrain "
+                    "at x %.1f .. %.1f, y %.1f .. %.1f (%s); \"crs\" may be wrong or missing",
+                    entry, points->count, min[0], max[0], min[1], max[1], f->x0, sv_heightfield_x1(f), f->y0,
+                    sv_heightfield_y1(f), sv_crs_name(p->l->scene->crs));
+}
+
 static void tell_points(const struct planting *p, int entry, const struct sv_points_spec *s,
                         const struct sv_points *points, uint32_t planted, const struct tally *t)
 {
@@ -154,7 +173,9 @@ static void tell_points(const struct planting *p, int entry, const struct sv_poi
     if (points->skipped)
         sv_loading_note(l, 1, "forest[%d]: %llu features without a usable place left out", entry,
                         (unsigned long long)points->skipped);
-    if (t->outside)
+    if (t->outside == points->count && t->outside > 0)
+        tell_apart(p, entry, points);
+    else if (t->outside)
         sv_loading_note(l, 1, "forest[%d]: %llu points outside the terrain left out", entry,
                         (unsigned long long)t->outside);
     if (t->low)

@@ -10,130 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base/hash.h"
 #include "core/scene/loading.h"
-#include "core/terrain/coloring.h"
-#include "core/terrain/procedural.h"
 
 /* Address space, not memory: far more than any scene that the limits allow. */
 static const size_t ARENA_BYTES_DEFAULT = (size_t)64 << 30;
-
-typedef unsigned long long ull; /* printf's %llu on every platform */
-
-/* ---- terrain ---- */
-
-static void tell_dem(const struct sv_loading *l, const struct sv_dem_report *r)
-{
-    const struct sv_heightfield *f = &l->scene->terrain.field;
-    sv_loading_note(
-        l, 0,
-        "terrain: %s (%s), %d x %d samples in the file; %d x %d of %g x %g m, heights %.1f .. %.1f m, %s",
-        l->spec->terrain.dem, r->driver, r->source_width, r->source_height, f->width, f->height, f->dx, f->dy,
-        f->z0 + (double)f->h_min, f->z0 + (double)f->h_max, sv_crs_name(l->scene->crs));
-    if (r->warped)
-        sv_loading_note(l, 0, "terrain: warped (%s), %.1f %% of its area kept", r->warped, 100 * r->kept);
-    if (r->edge_filled)
-        sv_loading_note(l, 1, "terrain: %llu samples lie outside the file's data and were invented",
-                        (ull)r->edge_filled);
-    if (r->voids)
-        sv_loading_note(l, 1,
-                        "terrain: %llu voids in %llu regions filled, %llu of them not declared as nodata",
-                        (ull)r->voids, (ull)r->void_regions, (ull)r->voids_undeclared);
-    if (r->voids_flat)
-        sv_loading_note(l, 0, "terrain: %llu of these laid flat as water, the largest at %.1f m",
-                        (ull)r->voids_flat, r->flat_level_m);
-    if (r->all_void)
-        sv_loading_note(l, 1, "terrain: no sample of %s holds a height; the terrain is flat at 0 m",
-                        l->spec->terrain.dem);
-    if (r->height_unit_m != 1)
-        sv_loading_note(l, 0, "terrain: heights multiplied by %g m", r->height_unit_m);
-    if (r->looks_like_degrees)
-        sv_loading_note(l, 1,
-                        "terrain: no coordinate system known, but the coordinates look like degrees; \"crs\" "
-                        "may be missing");
-}
-
-static bool load_dem(struct sv_loading *l)
-{
-    const struct sv_terrain_spec *t = &l->spec->terrain;
-    const struct sv_dem_options options = {t->dem, t->crs, t->has_nodata, t->nodata, t->height_unit_m};
-    struct sv_dem_report report = {0};
-    struct sv_error error;
-    if (sv_dem_read(&options, l->scene->arena, &l->scene->terrain.field, &l->scene->crs, &report, &error) !=
-        SV_OK) {
-        sv_loading_fail(l, &error, "terrain.dem");
-        return false;
-    }
-    tell_dem(l, &report);
-    return true;
-}
-
-static bool load_procedural(struct sv_loading *l)
-{
-    const struct sv_terrain_spec *t = &l->spec->terrain;
-    const struct sv_procedural_options options = {t->size_m, t->samples, t->relief_m, t->seed};
-    struct sv_error error;
-    if (sv_crs_create_local(&l->scene->crs, &error) != SV_OK ||
-        sv_terrain_procedural(&options, l->scene->arena, &l->scene->terrain.field, &error) != SV_OK) {
-        sv_loading_fail(l, &error, "terrain.procedural");
-        return false;
-    }
-    sv_loading_note(l, 0, "terrain: procedural, %g m a side, %d x %d samples, relief %g m", t->size_m,
-                    t->samples, t->samples, t->relief_m);
-    return true;
-}
-
-static bool load_imagery(struct sv_loading *l, struct sv_image *rgba)
-{
-    const struct sv_terrain_spec *t = &l->spec->terrain;
-    if (!t->imagery)
-        return true;
-    struct sv_imagery_options options = {.path = t->imagery};
-    memcpy(options.bands, t->imagery_bands, sizeof options.bands);
-    struct sv_imagery_report r = {0};
-    struct sv_error error;
-    if (sv_imagery_read(&options, &l->scene->terrain.field, l->scene->crs, SV_TERRAIN_TEXTURE_SIDE_MAX, rgba,
-                        &r, &error) != SV_OK) {
-        sv_loading_fail(l, &error, "terrain.imagery");
-        return false;
-    }
-    sv_loading_note(
-        l, 0,
-        "imagery: %s (%s), %d x %d px, bands %d,%d,%d%s%s%s; texture %d x %d covers %.1f %% of the terrain",
-        t->imagery, r.driver, r.source_width, r.source_height, r.bands_used[0], r.bands_used[1],
-        r.bands_used[2], r.palette ? ", palette" : "", r.warped ? ", warped" : "",
-        r.fitted ? ", laid over the whole terrain" : "", rgba->width, rgba->height, 100 * r.covered);
-    if (r.rescaled)
-        sv_loading_note(l, 0, "imagery: stretched to bytes from %g .. %g, %g .. %g, %g .. %g",
-                        r.stretch[0][0], r.stretch[0][1], r.stretch[1][0], r.stretch[1][1], r.stretch[2][0],
-                        r.stretch[2][1]);
-    if (r.reduced)
-        sv_loading_note(l, 1, "imagery: averaged down to the texture limit of %d texels a side",
-                        SV_TERRAIN_TEXTURE_SIDE_MAX);
-    return true;
-}
-
-static double centre_latitude(const struct sv_scene *s)
-{
-    const struct sv_heightfield *f = &s->terrain.field;
-    double lon, lat, x = 0.5 * (f->x0 + sv_heightfield_x1(f)), y = 0.5 * (f->y0 + sv_heightfield_y1(f));
-    return sv_crs_to_lonlat(s->crs, x, y, &lon, &lat) ? lat : NAN;
-}
-
-static bool load_colors(struct sv_loading *l)
-{
-    struct sv_image imagery = {0};
-    struct sv_error error;
-    bool ok = load_imagery(l, &imagery);
-    if (ok && sv_terrain_color(&l->scene->terrain, imagery.data ? &imagery : NULL, centre_latitude(l->scene),
-                               l->scene->arena, &error) != SV_OK) {
-        sv_loading_fail(l, &error, "terrain");
-        ok = false;
-    }
-    l->scene->terrain.has_imagery = imagery.data != NULL;
-    sv_image_free(&imagery);
-    return ok;
-}
 
 /* ---- trees ---- */
 
@@ -227,10 +107,10 @@ static bool load_all(struct sv_loading *l)
     s->sun = (struct sv_sun){sv_radians(spec->sun_azimuth_deg), sv_radians(spec->sun_elevation_deg)};
     s->relief_distance_m = spec->relief_distance_m;
     s->relief_resolution = spec->relief_resolution;
-    if (!(spec->terrain.dem ? load_dem(l) : load_procedural(l)))
+    if (!sv_loading_ground(l))
         return false; /* everything else stands on it */
     bool ok = load_forest(l);
-    ok = load_colors(l) && ok;
+    ok = sv_loading_colors(l) && ok;
     if (!ok)
         return false;
     if (spec->object_count > 0)
@@ -245,7 +125,7 @@ static bool load_all(struct sv_loading *l)
         sv_loading_fail(l, &error, "scene");
         return false;
     }
-    sv_loading_note(l, 0, "scene \"%s\" version %016llx: %.1f MB", s->name, (ull)s->version,
+    sv_loading_note(l, 0, "scene \"%s\" version %016llx: %.1f MB", s->name, (unsigned long long)s->version,
                     (double)sv_arena_used(s->arena) / 1e6);
     return true;
 }

@@ -1,7 +1,8 @@
 /* scene.h - a loaded scene: what every picture is drawn from. Filled once by sv_scene_load, then read only.
  *
- * Flow: scene_file -> geo (DEM, imagery, points), terrain (procedural, colouring), tree (import, grow), scatter ->
- * forest -> arena, sealed. No GL here: core/view/renderer.h makes the textures and baked forms from it. */
+ * Flow: scene_file -> geo (DEM, imagery, points), terrain (procedural, colouring), tree (import, grow),
+ * scatter -> forest -> arena, sealed. No GL here: core/view/renderer.h makes the textures and baked forms
+ * from it. */
 #ifndef SV_SCENE_SCENE_H
 #define SV_SCENE_SCENE_H
 
@@ -23,7 +24,8 @@ struct sv_species {
 
 struct sv_scene {
     char name[SV_SCENE_NAME_MAX];
-    uint64_t version; /* hash of the scene file, of every input's path, size and mtime, and of the builders' versions */
+    uint64_t version; /* hash of the scene file, of every input's path, size and mtime, and of the builders'
+                         versions */
     struct sv_crs *crs;
     struct sv_terrain terrain;
     const struct sv_species *species;
@@ -53,10 +55,11 @@ SV_MUST_CHECK enum sv_status sv_scene_load(struct sv_scene_spec *spec, const str
                                            struct sv_scene **scene, struct sv_errors *errors);
 void sv_scene_destroy(struct sv_scene *scene);
 
-/* One species alone (import or grow, measured, through the store): what sv_scene_load does for each; the scene process
- * calls it in forked children first, so that species build side by side into the store. Heap mesh. */
+/* One species alone (import or grow, measured, through the store): what sv_scene_load does for each; the
+ * scene process calls it in forked children first, so that species build side by side into the store. Heap
+ * mesh. */
 SV_MUST_CHECK enum sv_status sv_species_build(const struct sv_species_spec *spec, struct sv_store *store,
-                                              struct sv_tree_mesh *mesh, uint64_t *key, struct sv_errors *notes,
-                                              struct sv_error *error);
+                                              struct sv_tree_mesh *mesh, uint64_t *key,
+                                              struct sv_errors *notes, struct sv_error *error);
 
 #endif

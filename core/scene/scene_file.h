@@ -1,8 +1,9 @@
-/* scene_file.h - the scene file of the wire contract (section 7) as plain values: parsed, checked, nothing loaded.
+/* scene_file.h - the scene file of the wire contract (section 7) as plain values: parsed, checked, nothing
+ * loaded.
  *
- * Every unknown key, wrong type and out-of-range value is collected with its key path ("forest[1].scatter.count"), so
- * that one run tells all. Paths are resolved against the scene file's folder. Angles stay in degrees here: this is the
- * file; sv_scene_load converts. */
+ * Every unknown key, wrong type and out-of-range value is collected with its key path
+ * ("forest[1].scatter.count"), so that one run tells all. Paths are resolved against the scene file's folder.
+ * Angles stay in degrees here: this is the file; sv_scene_load converts. */
 #ifndef SV_SCENE_SCENE_FILE_H
 #define SV_SCENE_SCENE_FILE_H
 
@@ -81,12 +82,15 @@ struct sv_scene_spec {
     int relief_resolution;
 };
 
-/* Parses text (NUL-terminated, of `bytes` bytes without the NUL) as the scene file at path. Any bytes are legal input. On any error the list is not
- * empty, the status is the first one's, and *spec is not written. */
+/* Parses text (NUL-terminated, of `bytes` bytes without the NUL) as the scene file at path. Any bytes are
+ * legal input. On any error the list is not empty, the status is the first one's, and *spec is not written.
+ */
 SV_MUST_CHECK enum sv_status sv_scene_spec_parse(const char *text, size_t bytes, const char *path,
                                                  struct sv_scene_spec *spec, struct sv_errors *errors);
-/* Reads the file (at most 64 MiB) and parses it; also checks that every file it names exists and can be read. */
-SV_MUST_CHECK enum sv_status sv_scene_spec_read(const char *path, struct sv_scene_spec *spec, struct sv_errors *errors);
+/* Reads the file (at most 64 MiB) and parses it; also checks that every file it names exists and can be read.
+ */
+SV_MUST_CHECK enum sv_status sv_scene_spec_read(const char *path, struct sv_scene_spec *spec,
+                                                struct sv_errors *errors);
 void sv_scene_spec_finish(struct sv_scene_spec *spec);
 
 #endif

@@ -23,7 +23,7 @@
 
 /* Blob: struct head, note texts one after the other with their NULs, zeros to a multiple of 8, the saved
  * mesh. Raise the number in KIND whenever import, measure or this layout change. */
-static const char KIND[] = "mesh1";
+static const char KIND[] = "mesh2";
 static const char BLOB_MAGIC[8] = "SVMESHN";
 
 struct head {

@@ -28,9 +28,10 @@ enum {
     AT_LEAF,
     AT_RIGHT,
     AT_TOP,
+    AT_SUN,
     AT_ID
 }; /* locations in tree_quad.vert */
-enum { UNIT_ALBEDO = 0, UNIT_NORMAL = 1 };
+enum { UNIT_ALBEDO = 0, UNIT_NORMAL = 1, UNIT_OPEN = 2 };
 enum { LAST_LEVEL = SV_IMPOSTOR_LEVELS - 1 };
 
 /* All atlases together stay below this many bytes: levels from the fine end are left out when species are
@@ -45,6 +46,7 @@ struct quad_vertex {
     float up[4];    /* world up in the frame's axes (up, toward); texels a cell at that level; gain */
     float leaf[4];  /* impostor.h: translucency by colour */
     int16_t right[4], top[4]; /* the frame's axes in the world, unit * 32767 */
+    int16_t sun[4];           /* direction to the sun in the model's axes, unit * 32767 */
     uint32_t id;
 };
 
@@ -60,7 +62,7 @@ struct sv_quad_draw {
     int species_count, layers, first_level;
     struct species_quads *species;
     GLuint soft, hard; /* programs */
-    GLuint albedo, normal, array, vertices, indices;
+    GLuint albedo, normal, open, array, vertices, indices;
     uint32_t room; /* quads that the buffers hold */
 };
 
@@ -100,7 +102,7 @@ static size_t layer_bytes(int first_level)
 {
     size_t bytes = 0;
     for (int k = first_level; k < SV_IMPOSTOR_LEVELS; k++)
-        bytes += 2 * 4 * (size_t)(SV_IMPOSTOR_SIDE >> k) * (size_t)(SV_IMPOSTOR_SIDE >> k);
+        bytes += 3 * 4 * (size_t)(SV_IMPOSTOR_SIDE >> k) * (size_t)(SV_IMPOSTOR_SIDE >> k);
     return bytes;
 }
 
@@ -129,6 +131,9 @@ static void upload_levels(const struct sv_quad_draw *draw, int layer, const stru
         gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->normal);
         gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, side, side, 1, GL_RGBA, GL_UNSIGNED_BYTE,
                          levels->normal[k]);
+        gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->open);
+        gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, side, side, 1, GL_RGBA, GL_UNSIGNED_BYTE,
+                         levels->open[k]);
     }
 }
 
@@ -137,7 +142,7 @@ static enum sv_status build_species(const struct sv_quad_draw *draw,
                                     struct species_quads *s, struct sv_error *error)
 {
     struct sv_impostor impostor = {0};
-    struct sv_impostor_levels levels = {{0}, {0}, NULL};
+    struct sv_impostor_levels levels = {{0}, {0}, {0}, NULL};
     enum sv_status status = obtain(species, store, &impostor, error);
     if (!status)
         status = sv_impostor_levels_init(&impostor, &levels, error);
@@ -192,6 +197,7 @@ static void make_vertex_array(struct sv_quad_draw *draw)
         [AT_LEAF] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, leaf)},
         [AT_RIGHT] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, right)},
         [AT_TOP] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, top)},
+        [AT_SUN] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, sun)},
     };
     gl.GenVertexArrays(1, &draw->array);
     gl.GenBuffers(1, &draw->vertices);
@@ -233,6 +239,7 @@ enum sv_status sv_quad_draw_create(const struct sv_tree_draw_species *species, i
     if (draw->layers > 0) {
         draw->albedo = make_array(draw, GL_SRGB8_ALPHA8);
         draw->normal = make_array(draw, GL_RGBA8);
+        draw->open = make_array(draw, GL_RGBA8);
     }
     for (int k = 0; !status && k < species_count; k++)
         if (draw->species[k].mesh && draw->species[k].owner == k)
@@ -258,6 +265,7 @@ void sv_quad_draw_destroy(struct sv_quad_draw *draw)
     }
     gl.DeleteTextures(1, &draw->albedo);
     gl.DeleteTextures(1, &draw->normal);
+    gl.DeleteTextures(1, &draw->open);
     gl.DeleteVertexArrays(1, &draw->array);
     gl.DeleteBuffers(1, &draw->vertices);
     gl.DeleteBuffers(1, &draw->indices);
@@ -421,6 +429,8 @@ static bool put_quad(const struct view *view, const struct species_quads *s,
     memcpy(q[0].leaf, owner->translucency, sizeof q[0].leaf);
     put_axis(right, q[0].right);
     put_axis(up, q[0].top);
+    turn(c, -n, view->to_sun, model);
+    put_axis(model, q[0].sun);
     q[0].id = SV_ID_TREE_FIRST + tree->number;
     for (int k = 1; k < 4; k++)
         memcpy(q[k].frame, q[0].frame, sizeof *q - offsetof(struct quad_vertex, frame));
@@ -525,6 +535,8 @@ enum sv_status sv_quad_draw_trees(struct sv_quad_draw *draw, const struct sv_gl_
     gl.GetIntegerv(GL_DRAW_BUFFER0, &color);
     gl.Disable(GL_CULL_FACE);
     gl.BindVertexArray(draw->array);
+    gl.ActiveTexture(GL_TEXTURE0 + UNIT_OPEN);
+    gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->open);
     gl.ActiveTexture(GL_TEXTURE0 + UNIT_NORMAL);
     gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->normal);
     gl.ActiveTexture(GL_TEXTURE0 + UNIT_ALBEDO);

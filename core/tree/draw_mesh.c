@@ -23,6 +23,7 @@ enum {
     AT_NORMAL,
     AT_OCCLUSION,
     AT_UV,
+    AT_OPEN,
     AT_PLACE,
     AT_TURN,
     AT_ID
@@ -105,6 +106,7 @@ static void upload(const struct sv_mesh_draw *draw, struct species_mesh *s)
     attribute(AT_OCCLUSION, 1, GL_UNSIGNED_SHORT, GL_TRUE, stride,
               offsetof(struct sv_tree_vertex, occlusion));
     attribute(AT_UV, 2, GL_FLOAT, GL_FALSE, stride, offsetof(struct sv_tree_vertex, uv));
+    attribute(AT_OPEN, 4, GL_BYTE, GL_TRUE, stride, offsetof(struct sv_tree_vertex, open));
     set_instance_attributes(draw);
     gl.BindVertexArray(0);
     s->bytes = vertex_bytes + index_bytes;

@@ -141,6 +141,7 @@ static void put_vertex(struct sv_tree_mesh *mesh, struct sv_vec3 p, struct sv_ve
                                               (int16_t)floor(n.y * 32767 + 0.5),
                                               (int16_t)floor(n.z * 32767 + 0.5)},
                                    .occlusion = 65535,
+                                   .open = {0, 0, 0, 127},
                                    .uv = {(float)u, (float)v}};
 }
 

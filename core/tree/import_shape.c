@@ -341,6 +341,7 @@ static struct sv_tree_vertex make_vertex(const struct raw_vertex *v, struct sv_v
                      (float)((v->p[2] - frame->base) / frame->height)},
         .normal = {(int16_t)lrint(n.x * 32767), (int16_t)lrint(n.y * 32767), (int16_t)lrint(n.z * 32767)},
         .occlusion = UINT16_MAX,
+        .open = {0, 0, 0, 127},
         .uv = {v->uv[0], v->uv[1]},
     };
     for (int a = 0; a < 3; a++)

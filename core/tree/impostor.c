@@ -52,6 +52,7 @@ void sv_impostor_finish(struct sv_impostor *impostor)
 {
     free(impostor->albedo);
     free(impostor->normal);
+    free(impostor->open);
     *impostor = (struct sv_impostor){0};
 }
 
@@ -64,9 +65,9 @@ struct blob_header {
     uint32_t frames, side;
     float translucency[4];
 };
-static const char MAGIC[8] = {'S', 'V', 'I', 'M', 'P', 'O', 'S', '1'};
+static const char MAGIC[8] = {'S', 'V', 'I', 'M', 'P', 'O', 'S', '2'};
 enum {
-    BLOB_BYTES = sizeof(struct blob_header) + sizeof(((struct sv_impostor *)0)->frames) + 2 * ATLAS_BYTES
+    BLOB_BYTES = sizeof(struct blob_header) + sizeof(((struct sv_impostor *)0)->frames) + 3 * ATLAS_BYTES
 };
 
 enum sv_status sv_impostor_save(const struct sv_impostor *impostor, void **data, size_t *bytes,
@@ -84,6 +85,7 @@ enum sv_status sv_impostor_save(const struct sv_impostor *impostor, void **data,
     p += sizeof impostor->frames;
     memcpy(p, impostor->albedo, ATLAS_BYTES);
     memcpy(p + ATLAS_BYTES, impostor->normal, ATLAS_BYTES);
+    memcpy(p + 2 * ATLAS_BYTES, impostor->open, ATLAS_BYTES);
     *data = made;
     *bytes = BLOB_BYTES;
     return SV_OK;
@@ -126,12 +128,14 @@ enum sv_status sv_impostor_load(const void *data, size_t bytes, struct sv_impost
     memcpy(made.translucency, header.translucency, sizeof made.translucency);
     made.albedo = malloc(ATLAS_BYTES);
     made.normal = malloc(ATLAS_BYTES);
-    if (!made.albedo || !made.normal) {
+    made.open = malloc(ATLAS_BYTES);
+    if (!made.albedo || !made.normal || !made.open) {
         sv_impostor_finish(&made);
-        return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %d bytes", 2 * ATLAS_BYTES);
+        return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %d bytes", 3 * ATLAS_BYTES);
     }
     memcpy(made.albedo, p, ATLAS_BYTES);
     memcpy(made.normal, p + ATLAS_BYTES, ATLAS_BYTES);
+    memcpy(made.open, p + 2 * ATLAS_BYTES, ATLAS_BYTES);
     *impostor = made;
     return SV_OK;
 }
@@ -143,23 +147,28 @@ enum sv_status sv_impostor_load(const void *data, size_t bytes, struct sv_impost
 static void reduce(const struct sv_impostor_levels *levels, int level, int x, int y)
 {
     int side = SV_IMPOSTOR_SIDE >> level, fine = side * 2;
-    float color[4] = {0}, bits[4] = {0};
+    float color[4] = {0}, bits[4] = {0}, open[4] = {0};
     for (int k = 0; k < 4; k++) {
         size_t at = 4 * ((size_t)(2 * y + (k >> 1)) * (size_t)fine + (size_t)(2 * x + (k & 1)));
-        const uint8_t *a = levels->albedo[level - 1] + at, *n = levels->normal[level - 1] + at;
+        const uint8_t *a = levels->albedo[level - 1] + at, *n = levels->normal[level - 1] + at,
+                      *o = levels->open[level - 1] + at;
         for (int c = 0; c < 3; c++)
             color[c] += sv_linear_from_srgb8[a[c]];
         color[3] += (float)a[3];
-        for (int c = 0; c < 4; c++)
+        for (int c = 0; c < 4; c++) {
             bits[c] += (float)a[3] * (float)n[c];
+            open[c] += (float)a[3] * (float)o[c];
+        }
     }
     size_t at = 4 * ((size_t)y * (size_t)side + (size_t)x);
-    uint8_t *a = levels->albedo[level] + at, *n = levels->normal[level] + at;
+    uint8_t *a = levels->albedo[level] + at, *n = levels->normal[level] + at, *o = levels->open[level] + at;
     for (int c = 0; c < 3; c++)
         a[c] = sv_srgb8_from_linear(0.25f * color[c]);
     a[3] = (uint8_t)(0.25f * color[3] + 0.5f);
-    for (int c = 0; c < 4; c++)
+    for (int c = 0; c < 4; c++) {
         n[c] = color[3] > 0 ? (uint8_t)(bits[c] / color[3] + 0.5f) : 128;
+        o[c] = color[3] > 0 ? (uint8_t)(open[c] / color[3] + 0.5f) : 128;
+    }
     if (color[3] > 0 && a[3] == 0)
         a[3] = 1; /* still counts as a place with a normal */
 }
@@ -245,17 +254,18 @@ float sv_impostor_gain(const float truth[6], const float guessed[6], const float
     return gain > 0.5f ? gain < 2 ? gain : 2 : 0.5f;
 }
 
-/* Gives the texels without coverage the normal of the coarser level. */
+/* Gives the texels without coverage the normal and openness of the coarser level. */
 static void dilate(const struct sv_impostor_levels *levels, int level)
 {
     int side = SV_IMPOSTOR_SIDE >> level, coarse = side / 2;
     for (int y = 0; y < side; y++)
         for (int x = 0; x < side; x++) {
             size_t at = 4 * ((size_t)y * (size_t)side + (size_t)x);
-            if (levels->albedo[level][at + 3] == 0)
-                memcpy(levels->normal[level] + at,
-                       levels->normal[level + 1] + 4 * ((size_t)(y / 2) * (size_t)coarse + (size_t)(x / 2)),
-                       4);
+            size_t from = 4 * ((size_t)(y / 2) * (size_t)coarse + (size_t)(x / 2));
+            if (levels->albedo[level][at + 3] != 0)
+                continue;
+            memcpy(levels->normal[level] + at, levels->normal[level + 1] + from, 4);
+            memcpy(levels->open[level] + at, levels->open[level + 1] + from, 4);
         }
 }
 
@@ -263,6 +273,7 @@ void sv_impostor_levels_finish(struct sv_impostor_levels *levels)
 {
     free(levels->albedo[0]); /* one block each */
     free(levels->normal[0]);
+    free(levels->open[0]);
     free(levels->scatter);
     *levels = (struct sv_impostor_levels){0};
 }
@@ -274,16 +285,18 @@ enum sv_status sv_impostor_levels_init(const struct sv_impostor *impostor, struc
     for (int k = 0; k < SV_IMPOSTOR_LEVELS; k++)
         total += (size_t)ATLAS_BYTES >> (2 * k);
     struct sv_impostor_levels made = {
-        {malloc(total)}, {malloc(total)}, malloc(SV_IMPOSTOR_LEVELS * sizeof *made.scatter)};
-    if (!made.albedo[0] || !made.normal[0] || !made.scatter) {
+        {malloc(total)}, {malloc(total)}, {malloc(total)}, malloc(SV_IMPOSTOR_LEVELS * sizeof *made.scatter)};
+    if (!made.albedo[0] || !made.normal[0] || !made.open[0] || !made.scatter) {
         sv_impostor_levels_finish(&made);
-        return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %zu bytes of mip levels", 2 * total);
+        return sv_fail(error, SV_ENOMEM, "impostor", "no memory for %zu bytes of mip levels", 3 * total);
     }
     memcpy(made.albedo[0], impostor->albedo, ATLAS_BYTES);
     memcpy(made.normal[0], impostor->normal, ATLAS_BYTES);
+    memcpy(made.open[0], impostor->open, ATLAS_BYTES);
     for (int k = 1; k < SV_IMPOSTOR_LEVELS; k++) {
         made.albedo[k] = made.albedo[k - 1] + ((size_t)ATLAS_BYTES >> (2 * (k - 1)));
         made.normal[k] = made.normal[k - 1] + ((size_t)ATLAS_BYTES >> (2 * (k - 1)));
+        made.open[k] = made.open[k - 1] + ((size_t)ATLAS_BYTES >> (2 * (k - 1)));
         int side = SV_IMPOSTOR_SIDE >> k;
         for (int y = 0; y < side; y++)
             for (int x = 0; x < side; x++)

@@ -29,7 +29,7 @@ enum {
 };
 
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_IMPOSTOR_KIND "imp1"
+#define SV_IMPOSTOR_KIND "imp2"
 
 /* Cell coordinates: s right, t down, [0, 1] over the frame's square cell. */
 struct sv_impostor_frame {
@@ -50,6 +50,8 @@ struct sv_impostor {
                         at the top */
     uint8_t *normal; /* heap, SIDE x SIDE x 4: mean normal in (right, up, toward) as 127.5 + 127.5 m, and
                         occlusion */
+    uint8_t *open; /* heap, SIDE x SIDE x 4: mean openness to the sun (mesh.h, open): slope along the model's
+                      axes as 127.5 + 127.5 s, and mean */
 };
 
 /* The frame nearest to the direction (model space, towards the viewer, any length; 0 or NaN: frame 0). Below
@@ -74,7 +76,7 @@ SV_MUST_CHECK enum sv_status sv_impostor_load(const void *data, size_t bytes, st
  * premultiplied colour are averaged in linear light, normals and occlusion by coverage; where nothing is
  * covered normals continue what is near, so that filtering takes in no rubbish. No level mixes two frames. */
 struct sv_impostor_levels {
-    uint8_t *albedo[SV_IMPOSTOR_LEVELS], *normal[SV_IMPOSTOR_LEVELS];
+    uint8_t *albedo[SV_IMPOSTOR_LEVELS], *normal[SV_IMPOSTOR_LEVELS], *open[SV_IMPOSTOR_LEVELS];
     float (*scatter)[SV_IMPOSTOR_FRAMES]
                     [6]; /* heap, a row a level: what the shader's guess from mean normals comes to */
 };

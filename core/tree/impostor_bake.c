@@ -26,6 +26,7 @@ static const double FOOT_WEIGHT = 0.35;
 /* Sums of what is seen in a texel. */
 struct texel {
     float rgb[3], normal[3], occlusion, depth, translucency;
+    float open[4];           /* openness to the sun, slope in model space, and mean */
     float square[6], weight; /* brightness x products of the normal's components */
     int count;
 };
@@ -60,6 +61,7 @@ static void add_sample(const struct bake *b, size_t at, int i, int j, struct tex
         x[k] = r->x[index[k]];
         y[k] = r->y[index[k]];
     }
+    float open[4] = {0};
     float px = (float)i + 0.5f, py = (float)j + 0.5f;
     float area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
     w[1] = ((px - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (py - y[0])) / area;
@@ -71,6 +73,8 @@ static void add_sample(const struct bake *b, size_t at, int i, int j, struct tex
         uv[0] += w[k] * v[k]->uv[0];
         uv[1] += w[k] * v[k]->uv[1];
         occlusion += w[k] * (float)v[k]->occlusion;
+        for (int c = 0; c < 4; c++)
+            open[c] += w[k] * (float)v[k]->open[c] * (1.0f / 127.0f);
     }
     float length = sqrtf(dot3(n, n)), facing = dot3(n, b->view.toward);
     float unit = length > 0 ? (facing < 0 ? -1 : 1) / length : 0;
@@ -88,6 +92,8 @@ static void add_sample(const struct bake *b, size_t at, int i, int j, struct tex
     texel->square[5] += bright * m[1] * m[2];
     texel->weight += bright;
     texel->occlusion += occlusion * (1.0f / 65535.0f);
+    for (int c = 0; c < 4; c++)
+        texel->open[c] += open[c];
     texel->depth += r->depth[at];
     texel->translucency += material->is_leaf ? material->translucency : 0;
     texel->count++;
@@ -133,20 +139,24 @@ static uint8_t unit_code(float v)
     return (uint8_t)(fminf(fmaxf(v, 0), 1) * 255.0f + 0.5f);
 }
 
-static void put_texel(const struct texel *t, uint8_t albedo[4], uint8_t normal[4])
+static void put_texel(const struct bake *b, const struct texel *t, size_t at)
 {
+    uint8_t *albedo = b->out->albedo + at, *normal = b->out->normal + at, *open = b->out->open + at;
+
     const float all = (float)(SUB * SUB);
     float each = 1.0f / (float)t->count;
     for (int c = 0; c < 3; c++) {
         albedo[c] = sv_srgb8_from_linear(t->rgb[c] / all);
         normal[c] = unit_code(0.5f + 0.5f * t->normal[c] * each);
+        open[c] = unit_code(0.5f + 0.5f * t->open[c] * each);
     }
     albedo[3] = unit_code((float)t->count / all);
     normal[3] = unit_code(t->occlusion * each);
+    open[3] = unit_code(t->open[3] * each);
 }
 
 /* Boils the samples of texel (i, j) of the frame down, and notes their depth and translucency. */
-static void resolve_texel(struct bake *b, int i, int j, uint8_t albedo[4], uint8_t normal[4])
+static void resolve_texel(struct bake *b, int i, int j, size_t texel_at)
 {
     struct texel t = {.count = 0};
     for (int sj = j * SUB; sj < (j + 1) * SUB; sj++)
@@ -157,7 +167,7 @@ static void resolve_texel(struct bake *b, int i, int j, uint8_t albedo[4], uint8
         }
     if (t.count == 0)
         return;
-    put_texel(&t, albedo, normal);
+    put_texel(b, &t, texel_at);
     double count = t.count, step = (double)b->view.step * SUB;
     const double place[3] = {1, (double)b->view.left + (i + 0.5) * step,
                              (double)b->view.top - (j + 0.5) * step};
@@ -228,7 +238,7 @@ static void bake_frame(struct bake *b, int frame)
     for (int j = 0; j < SV_IMPOSTOR_CELL; j++)
         for (int i = 0; i < SV_IMPOSTOR_CELL; i++) {
             size_t at = 4 * ((size_t)(row + j) * SV_IMPOSTOR_SIDE + (size_t)(column + i));
-            resolve_texel(b, i, j, b->out->albedo + at, b->out->normal + at);
+            resolve_texel(b, i, j, at);
             if (b->out->albedo[at + 3] == 0)
                 continue;
             lo[0] = i < lo[0] ? i : lo[0];
@@ -269,10 +279,11 @@ enum sv_status sv_impostor_bake(const struct sv_tree_mesh *mesh, struct sv_impos
                                 struct sv_error *error)
 {
     size_t texels = (size_t)SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE;
-    struct sv_impostor made = {.albedo = calloc(texels, 4), .normal = calloc(texels, 4)};
+    struct sv_impostor made = {
+        .albedo = calloc(texels, 4), .normal = calloc(texels, 4), .open = calloc(texels, 4)};
     struct bake bake = {.out = &made};
     enum sv_status status = SV_OK;
-    if (!made.albedo || !made.normal)
+    if (!made.albedo || !made.normal || !made.open)
         status = sv_fail(error, SV_ENOMEM, "impostor", "no memory for an atlas");
     if (!status)
         status = sv_raster_init(mesh, &bake.raster, error);

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char MAGIC[8] = {'S', 'V', 'T', 'R', 'E', 'E', '\n', 0};
+static const char MAGIC[8] = {'S', 'V', 'T', 'R', 'E', 'E', '\n', 1};
 enum { FORMAT_VERSION = 1, BYTE_ORDER_MARK = 0x01020304 };
 enum { FLAG_LEAF = 1, FLAG_MASKED = 2, FLAG_TWO_SIDED = 4, FLAG_ALL = 7 };
 
@@ -134,9 +134,9 @@ static enum sv_status check_vertices(const struct sv_tree_mesh *mesh, struct sv_
             return sv_fail(error, SV_EFORMAT, "mesh.vertices.uv",
                            "vertex %u has uv (%g, %g), outside -%g .. %g", i, (double)v->uv[0],
                            (double)v->uv[1], (double)UV_MAX, (double)UV_MAX);
-        if (v->reserved != 0)
-            return sv_fail(error, SV_EFORMAT, "mesh.vertices.reserved", "reserved of vertex %u is %u, not 0",
-                           i, v->reserved);
+        if (v->open[3] < 0)
+            return sv_fail(error, SV_EFORMAT, "mesh.vertices.open",
+                           "mean openness of vertex %u is %d, outside 0 .. 127", i, v->open[3]);
     }
     for (uint32_t i = 0; i < mesh->index_count; i++)
         if (mesh->indices[i] >= mesh->vertex_count)

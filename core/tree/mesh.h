@@ -30,8 +30,19 @@ struct sv_tree_vertex { /* 32 bytes: uploaded to GL as it is */
     uint16_t occlusion; /* share of the sky that the crown leaves open here, * 65535 (65535 = open): ambient
                            light is scaled by it */
     float uv[2];        /* v down: (0,0) is the texture's first row and column */
-    uint32_t reserved;  /* 0 */
+    int8_t open[4];     /* share of sunlight that the crown lets through to here from direction d (unit, model
+                           space, to the sun):     clamp((open[0] dx + open[1] dy + open[2] dz + open[3]) / 127, 0,
+                           1); see sv_tree_vertex_open */
 };
+
+/* The value that open[] stands for; d unit, model space. Twin: sun_open in core/gl/shaders/tree_mesh.vert. */
+static inline float sv_tree_vertex_open(const struct sv_tree_vertex *v, const float d[3])
+{
+    float t =
+        ((float)v->open[0] * d[0] + (float)v->open[1] * d[1] + (float)v->open[2] * d[2] + (float)v->open[3]) /
+        127.0f;
+    return t < 0 ? 0 : t > 1 ? 1 : t;
+}
 
 struct sv_tree_material {
     char name[64];
@@ -75,11 +86,11 @@ SV_MUST_CHECK enum sv_status sv_tree_mesh_save(const struct sv_tree_mesh *mesh, 
                                                struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_tree_mesh_load(const void *data, size_t bytes, struct sv_tree_mesh *mesh,
                                                struct sv_error *error);
-/* Fills radius, crown_base, crown_color and every vertex's occlusion from the geometry (voxel estimate of
- * leaf density: own derivation in mesh_measure.c), then checks the invariants above (finite, in range; base
- * at 0 and height 1 to 1e-3). Vertices, indices, materials and leaf_count must be there; what is_leaf, masked
- * and albedo say is used. Deterministic; some 50 ms and 3 MB, and 1 s per 3 million vertices. SV_EFORMAT
- * names the breach, SV_ENOMEM. */
+/* Fills radius, crown_base, crown_color and every vertex's occlusion and open from the geometry (voxel
+ * estimate of leaf density: own derivation in mesh_measure.c), then checks the invariants above (finite, in
+ * range; base at 0 and height 1 to 1e-3). Vertices, indices, materials and leaf_count must be there; what
+ * is_leaf, masked and albedo say is used. Deterministic; some 50 ms and 3 MB, and 1 s per 3 million vertices.
+ * SV_EFORMAT names the breach, SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_tree_mesh_measure(struct sv_tree_mesh *mesh, struct sv_error *error);
 
 #endif

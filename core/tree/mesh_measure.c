@@ -14,6 +14,10 @@
  * what a flat world without the crown would give it is 1, so that the renderer's own normal term is not
  * counted twice. The ground is not an occluder.
  *
+ * Sunlight inside the crown comes from the same sweeps: T of the sky's directions, fitted by a linear
+ * function of direction, says what part of the sun a vertex gets from anywhere (sv_tree_vertex.open). It
+ * stands in for the crown's shadow on itself where no shadow is cast.
+ *
  * Thread: any, nothing is shared. Sums run in a fixed order and use no libm beyond sqrt and floor: the
  * same occlusion on every machine. */
 #include "core/tree/mesh.h"
@@ -322,8 +326,13 @@ static void mark_leaves(const struct sv_tree_mesh *mesh, uint8_t *leafy)
             leafy[mesh->indices[mesh->materials[m].first_index + i]] = 1;
 }
 
+/* What a vertex has gathered: occlusion's weighted mean, and T times 1, dx, dy, dz. */
+struct gathered {
+    float sum, total, open[4];
+};
+
 static void gather(const struct grid *g, const struct sky *sky, int direction,
-                   const struct sv_tree_mesh *mesh, const uint8_t *leafy, float *sum, float *total)
+                   const struct sv_tree_mesh *mesh, const uint8_t *leafy, struct gathered *gathered)
 {
     const float *d = sky->d[direction];
     for (uint32_t i = 0; i < mesh->vertex_count; i++) {
@@ -338,9 +347,46 @@ static void gather(const struct grid *g, const struct sky *sky, int direction,
             float cosine = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
             weight *= cosine > 0.05f ? cosine : 0.05f;
         }
-        sum[i] += weight * grid_get(g, p);
-        total[i] += weight;
+        float light = grid_get(g, p);
+        gathered[i].sum += weight * light;
+        gathered[i].total += weight;
+        gathered[i].open[3] += light;
+        for (int a = 0; a < 3; a++)
+            gathered[i].open[a] += light * d[a];
     }
+}
+
+/* Least squares of T by m + s.d over the sky's directions (own derivation). The rings are turned squares, so
+ * dx and dy are orthogonal to each other, to dz and to 1; m and s_z share one 2 x 2 system. */
+struct fit {
+    float xx, yy, n, z, zz, det;
+};
+
+static struct fit make_fit(const struct sky *sky)
+{
+    struct fit f = {.n = 4 * RINGS};
+    for (int k = 0; k < 4 * RINGS; k++) {
+        const float *d = sky->d[k];
+        f.xx += d[0] * d[0];
+        f.yy += d[1] * d[1];
+        f.z += d[2];
+        f.zz += d[2] * d[2];
+    }
+    f.det = f.n * f.zz - f.z * f.z;
+    return f;
+}
+
+static int8_t open_code(float v)
+{
+    return (int8_t)floorf(fminf(fmaxf(v, -1), 1) * 127.0f + 0.5f);
+}
+
+static void fit_open(const struct fit *f, const float sums[4], int8_t open[4])
+{
+    open[0] = open_code(sums[0] / f->xx);
+    open[1] = open_code(sums[1] / f->yy);
+    open[2] = open_code((f->n * sums[2] - f->z * sums[3]) / f->det);
+    open[3] = open_code(fmaxf((f->zz * sums[3] - f->z * sums[2]) / f->det, 0));
 }
 
 static enum sv_status measure_occlusion(struct sv_tree_mesh *mesh, const struct bounds *b,
@@ -349,9 +395,9 @@ static enum sv_status measure_occlusion(struct sv_tree_mesh *mesh, const struct 
     struct grid g = {0};
     struct sky sky = make_sky();
     uint8_t *leafy = calloc(mesh->vertex_count, 1);
-    float *sum = calloc(mesh->vertex_count, sizeof *sum), *total = calloc(mesh->vertex_count, sizeof *total);
+    struct gathered *gathered = calloc(mesh->vertex_count, sizeof *gathered);
     enum sv_status status = SV_OK;
-    if (!leafy || !sum || !total)
+    if (!leafy || !gathered)
         status = sv_fail(error, SV_ENOMEM, NULL, "no memory to measure %u vertices", mesh->vertex_count);
     if (status == SV_OK)
         status = grid_init(&g, b, error);
@@ -362,15 +408,18 @@ static enum sv_status measure_occlusion(struct sv_tree_mesh *mesh, const struct 
         deposit(&g, mesh, &mesh->materials[m]);
     for (int d = 0; d < 4 * RINGS; d++) {
         sweep(&g, sky.d[d]);
-        gather(&g, &sky, d, mesh, leafy, sum, total);
+        gather(&g, &sky, d, mesh, leafy, gathered);
     }
-    for (uint32_t i = 0; i < mesh->vertex_count; i++)
-        mesh->vertices[i].occlusion = (uint16_t)(65535.0f * fminf(sum[i] / total[i], 1) + 0.5f);
+    struct fit fit = make_fit(&sky);
+    for (uint32_t i = 0; i < mesh->vertex_count; i++) {
+        mesh->vertices[i].occlusion =
+            (uint16_t)(65535.0f * fminf(gathered[i].sum / gathered[i].total, 1) + 0.5f);
+        fit_open(&fit, gathered[i].open, mesh->vertices[i].open);
+    }
 out:
     free(g.sigma);
     free(g.light);
-    free(total);
-    free(sum);
+    free(gathered);
     free(leafy);
     return status;
 }

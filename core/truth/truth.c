@@ -1,6 +1,8 @@
-/* truth.c - see truth.h. Two-level Embree scene: one scene a species, an instance a tree, terrain as user geometry.
+/* truth.c - see truth.h. Two-level Embree scene: one scene a species, an instance a tree, terrain as user
+ * geometry.
  *
- * Coordinates are relative to the scene's centre (frames.h, "local"); the terrain gets each ray in double besides. */
+ * Coordinates are relative to the scene's centre (frames.h, "local"); the terrain gets each ray in double
+ * besides. */
 #include "core/truth/truth.h"
 
 #include <math.h>
@@ -81,7 +83,8 @@ static enum sv_status build_species(struct sv_truth *truth, int k, struct sv_err
     struct species_scene *s = &truth->species[k];
     s->scene = rtcNewScene(truth->device);
     if (!s->scene)
-        return sv_fail(error, SV_EINTERNAL, "embree", "no scene for species %s", truth->scene->species[k].name);
+        return sv_fail(error, SV_EINTERNAL, "embree", "no scene for species %s",
+                       truth->scene->species[k].name);
     for (int m = 0; m < mesh->material_count; m++) {
         const struct sv_tree_material *material = &mesh->materials[m];
         if (material->index_count == 0)
@@ -160,7 +163,8 @@ static enum sv_status build(struct sv_truth *truth, struct sv_error *error)
             return status;
     }
     attach_trees(truth);
-    enum sv_status status = sv_terrain_patches_init(&truth->patches, &scene->terrain.field, truth->origin, error);
+    enum sv_status status =
+        sv_terrain_patches_init(&truth->patches, &scene->terrain.field, truth->origin, error);
     if (status)
         return status;
     RTCGeometry terrain = sv_terrain_patches_geometry(truth->device, &truth->patches);
@@ -234,9 +238,11 @@ struct hit {
     bool any;
     bool terrain;
     double depth_m;
-    struct sv_vec3 local; /* place */
+    struct sv_vec3 local;  /* place */
     struct sv_vec3 normal; /* shading normal, unit, turned to the viewer on trees */
     float albedo[3], occlusion, translucency;
+    float open; /* share of the sun that the tree's own crown is taken to let through, where no shadow is cast
+                 */
     bool leaf;
     uint32_t id;
 };
@@ -262,8 +268,10 @@ static struct sv_vec3 model_normal(const struct sv_tree_vertex *v)
     return sv_vec3(v->normal[0], v->normal[1], v->normal[2]);
 }
 
-static void tree_hit(const struct sv_truth *truth, const struct RTCHit *h, struct sv_vec3 direction, struct hit *hit)
+static void tree_hit(const struct caster *caster, const struct RTCHit *h, struct sv_vec3 direction,
+                     struct hit *hit)
 {
+    const struct sv_truth *truth = caster->truth;
     const struct sv_tree *tree = &truth->scene->forest.trees[h->instID[0]];
     const struct leaf_mask *mask = &truth->species[tree->species].masks[h->geomID];
     const struct sv_tree_material *material = mask->material;
@@ -276,6 +284,10 @@ static void tree_hit(const struct sv_truth *truth, const struct RTCHit *h, struc
     n = sv_normalize(sv_rotate_clockwise(n, (double)tree->rotation_rad));
     hit->normal = sv_dot(n, direction) > 0 ? sv_scale(n, -1) : n;
     hit->occlusion = (float)((w * a->occlusion + u * b->occlusion + v * c->occlusion) / 65535);
+    struct sv_vec3 sun = sv_rotate_clockwise(caster->light->to_sun, -(double)tree->rotation_rad);
+    const float d[3] = {(float)sun.x, (float)sun.y, (float)sun.z};
+    hit->open = (float)(w * (double)sv_tree_vertex_open(a, d) + u * (double)sv_tree_vertex_open(b, d) +
+                        v * (double)sv_tree_vertex_open(c, d));
     float rgba[4] = {1, 1, 1, 1};
     if (material->albedo.data) {
         float uv[2];
@@ -289,7 +301,8 @@ static void tree_hit(const struct sv_truth *truth, const struct RTCHit *h, struc
     hit->id = SV_ID_TREE_FIRST + tree->number;
 }
 
-static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_vec3 direction, struct hit *hit)
+static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_vec3 direction,
+                 struct hit *hit)
 {
     const struct sv_truth *truth = caster->truth;
     struct sv_patch_context context;
@@ -310,27 +323,30 @@ static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_v
     hit->local = sv_madd(origin, direction, hit->depth_m);
     hit->terrain = rh.hit.instID[0] == RTC_INVALID_GEOMETRY_ID;
     if (!hit->terrain) {
-        tree_hit(truth, &rh.hit, direction, hit);
+        tree_hit(caster, &rh.hit, direction, hit);
         return;
     }
-    double pixel_m = caster->camera->projection == SV_PROJECTION_PERSPECTIVE ? caster->pixel_angle * hit->depth_m
-                                                                             : caster->pixel_angle;
-    sv_terrain_shade(&truth->scene->terrain, hit->local.x + truth->origin.x, hit->local.y + truth->origin.y, pixel_m,
-                     sv_scale(sv_normalize(direction), -1), hit->albedo, &hit->normal);
-    hit->occlusion = 1;
+    double pixel_m = caster->camera->projection == SV_PROJECTION_PERSPECTIVE
+                         ? caster->pixel_angle * hit->depth_m
+                         : caster->pixel_angle;
+    sv_terrain_shade(&truth->scene->terrain, hit->local.x + truth->origin.x, hit->local.y + truth->origin.y,
+                     pixel_m, sv_scale(sv_normalize(direction), -1), hit->albedo, &hit->normal);
+    hit->occlusion = hit->open = 1;
     hit->id = SV_ID_TERRAIN;
 }
 
-/* 1 where the sun is seen from the hit, else 0. */
+/* 1 where the sun is seen from the hit, else 0; without shadows what the crown lets through on the average.
+ */
 static float sun_visible(const struct caster *caster, const struct hit *hit)
 {
     if (!caster->options->shadows)
-        return 1;
+        return hit->open;
     if (caster->light->to_sun.z <= 0)
         return 0;
     /* Off the surface by more than what float rays may miss: a part of the distance, and a millimetre. */
     double off = 1e-3 + 2e-6 * (hit->depth_m + sv_length(hit->local));
-    struct sv_vec3 side = sv_dot(hit->normal, caster->light->to_sun) >= 0 ? hit->normal : sv_scale(hit->normal, -1);
+    struct sv_vec3 side =
+        sv_dot(hit->normal, caster->light->to_sun) >= 0 ? hit->normal : sv_scale(hit->normal, -1);
     struct sv_vec3 from = sv_madd(hit->local, side, off);
     struct sv_patch_context context;
     rtcInitIntersectContext(&context.embree);
@@ -354,8 +370,8 @@ static void shade(const struct caster *caster, struct sv_vec3 direction, const s
     }
     float visible = sun_visible(caster, hit);
     if (hit->leaf)
-        sv_light_leaf(caster->light, hit->normal, sv_scale(unit, -1), hit->albedo, hit->occlusion, hit->translucency,
-                      visible, rgba);
+        sv_light_leaf(caster->light, hit->normal, sv_scale(unit, -1), hit->albedo, hit->occlusion,
+                      hit->translucency, visible, rgba);
     else
         sv_light_surface(caster->light, hit->normal, hit->albedo, hit->occlusion, visible, rgba);
     if (caster->light->air)
@@ -375,7 +391,8 @@ static void pixel_color(const struct caster *caster, int i, int j, uint8_t out[4
         cast(caster, sv_add(caster->eye_local, origin), direction, &hit);
         float rgba[4];
         shade(caster, direction, &hit, rgba);
-        /* Each sample is what a display of one sample would show: clipped, so that a glint does not outshine its pixel. */
+        /* Each sample is what a display of one sample would show: clipped, so that a glint does not outshine
+         * its pixel. */
         for (int c = 0; c < 3; c++)
             sum[c] += fminf(rgba[c], 1.0f) * rgba[3];
         sum[3] += rgba[3];
@@ -409,9 +426,10 @@ enum sv_status sv_truth_render(const struct sv_truth *truth, const struct sv_cam
                                const struct sv_light *light, const struct sv_truth_options *options,
                                struct sv_truth_picture *picture, struct sv_error *error)
 {
-    if (options->row_first < 0 || options->row_count < 0 || options->row_first + options->row_count > camera->height)
-        return sv_fail(error, SV_EINVAL, "rows", "%d + %d is outside 0..%d", options->row_first, options->row_count,
-                       camera->height);
+    if (options->row_first < 0 || options->row_count < 0 ||
+        options->row_first + options->row_count > camera->height)
+        return sv_fail(error, SV_EINVAL, "rows", "%d + %d is outside 0..%d", options->row_first,
+                       options->row_count, camera->height);
     struct caster caster = {truth, light, options, camera, NULL, sv_sub(camera->eye, truth->origin), 0};
     caster.scene = options->trees ? truth->full : truth->terrain_only;
     caster.pixel_angle = 1 / sv_camera_focal_px(camera);
@@ -429,7 +447,8 @@ enum sv_status sv_truth_render(const struct sv_truth *truth, const struct sv_cam
         for (int i = 0; i < camera->width; i++) {
             if (options->layers & 1u << SV_LAYER_COLOR)
                 pixel_color(&caster, i, j,
-                            (uint8_t *)picture->color.data + ((size_t)j * (size_t)camera->width + (size_t)i) * 4);
+                            (uint8_t *)picture->color.data +
+                                ((size_t)j * (size_t)camera->width + (size_t)i) * 4);
             if (centre)
                 pixel_layers(&caster, i, j, picture);
         }

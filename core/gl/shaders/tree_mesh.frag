@@ -9,6 +9,7 @@ layout(binding = 0) uniform sampler2D albedo;
 in vec3 local;
 in vec3 normal;
 in vec3 uv_occlusion;
+in float sun_open;
 flat in uint id;
 
 layout(location = 0) out vec4 out_color;
@@ -25,7 +26,7 @@ void main()
     vec3 to_viewer = frame_to_viewer(local);
     vec3 n = normalize(normal);
     n = dot(n, to_viewer) < 0.0 ? -n : n;
-    vec3 lit = light_leaf(n, to_viewer, rgba.rgb, uv_occlusion.z, leaf.y, 1.0);
+    vec3 lit = light_leaf(n, to_viewer, rgba.rgb, uv_occlusion.z, leaf.y, sun_open);
     out_color = vec4(light_air(frame_distance(local), lit), 1.0);
     out_id = id;
     out_normal = vec4(n, 0.0);

@@ -5,13 +5,15 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 model_normal;
 layout(location = 2) in float model_occlusion;
 layout(location = 3) in vec2 uv;
-layout(location = 4) in vec4 place; // foot, eye-relative; height
-layout(location = 5) in vec2 turn;  // cos, sin
-layout(location = 6) in uint tree_id;
+layout(location = 4) in vec4 model_open; // slope of openness along x, y, z; its mean (mesh.h)
+layout(location = 5) in vec4 place; // foot, eye-relative; height
+layout(location = 6) in vec2 turn;  // cos, sin
+layout(location = 7) in uint tree_id;
 
 out vec3 local;
 out vec3 normal;
 out vec3 uv_occlusion;
+out float sun_open;
 flat out uint id;
 
 vec3 turned(vec3 p)
@@ -24,6 +26,7 @@ void main()
     local = place.xyz + place.w * turned(position);
     normal = turned(model_normal);
     uv_occlusion = vec3(uv, model_occlusion);
+    sun_open = clamp(dot(turned(model_open.xyz), to_sun.xyz) + model_open.w, 0.0, 1.0); // sv_tree_vertex_open
     id = tree_id;
     gl_Position = clip_from_local * vec4(local, 1.0);
 }

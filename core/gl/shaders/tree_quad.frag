@@ -4,6 +4,7 @@
 
 layout(binding = 0) uniform sampler2DArray albedo;
 layout(binding = 1) uniform sampler2DArray normals;
+layout(binding = 2) uniform sampler2DArray open; // mean openness to the sun: slope along the model's axes, and mean
 
 in vec2 st;
 in float distance_m;
@@ -11,6 +12,7 @@ flat in vec4 frame_at;
 flat in vec4 sun_at;
 flat in vec4 up_at;
 flat in vec4 leaf_at;
+flat in vec3 model_sun;
 
 layout(location = 0) out vec4 out_color;
 
@@ -35,8 +37,10 @@ void main()
     vec4 g = textureLod(normals, at, frame_at.w);
     vec3 m = g.xyz * 2.0 - 1.0;
     float t = clamp(dot(rgba.rgb, leaf_at.xyz) / max(rgba.a, 1e-4) + leaf_at.w, -0.3, 1.0);
+    vec4 o = textureLod(open, at, frame_at.w);
+    float visible = clamp(dot(o.xyz * 2.0 - 1.0, model_sun) + o.a, 0.0, 1.0);
     float n_z = dot(m.yz, up_at.xy);
-    vec3 lit = light_shade(n_z, leaf_sun(m, sun_at.xyz, t, up_at.w), rgba.rgb, g.a);
+    vec3 lit = light_shade(n_z, leaf_sun(m, sun_at.xyz, t, up_at.w) * visible, rgba.rgb, g.a);
     if (air_rgb.w > 0.0)
         lit = mix(lit, air_rgb.rgb * rgba.a, 1.0 - exp(-distance_m * air_rgb.w));
     out_color = vec4(lit, rgba.a);

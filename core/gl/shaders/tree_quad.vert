@@ -9,7 +9,8 @@ layout(location = 4) in vec4 up_of;    // world up along the frame's up and towa
 layout(location = 5) in vec4 leaf_of;  // translucency by colour
 layout(location = 6) in vec3 right_of;
 layout(location = 7) in vec3 top_of;
-layout(location = 8) in uint id_of;
+layout(location = 8) in vec3 sun_of; // to the sun in the model's axes
+layout(location = 9) in uint id_of;
 
 out vec2 st;
 flat out vec4 frame_at;
@@ -24,6 +25,7 @@ out float distance_m;
 flat out vec4 sun_at;
 flat out vec4 up_at;
 flat out vec4 leaf_at;
+flat out vec3 model_sun;
 #endif
 
 void main()
@@ -41,6 +43,7 @@ void main()
     sun_at = light_of;
     up_at = up_of;
     leaf_at = leaf_of;
+    model_sun = sun_of;
 #endif
     gl_Position = clip_from_local * vec4(place, 1.0);
 }

@@ -29,6 +29,7 @@ static uint32_t add_vertex(struct sv_tree_mesh *m, struct sv_vec3 p, struct sv_v
         .position = {(float)p.x, (float)p.y, (float)p.z},
         .normal = {(int16_t)(n.x * 32767), (int16_t)(n.y * 32767), (int16_t)(n.z * 32767)},
         .occlusion = (uint16_t)(30000 + 30000 * sv_clamp(p.z, 0, 1)),
+        .open = {0, 0, 20, (int8_t)(60 + 40 * sv_clamp(p.z, 0, 1))},
         .uv = {u, v}};
     return m->vertex_count++;
 }

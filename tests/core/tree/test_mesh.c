@@ -259,7 +259,7 @@ static void test_breaches_are_named(void **state)
     BREACH(v->position[0], INFINITY, "mesh.vertices.position");
     BREACH(v->normal[0], 32767, "mesh.vertices.normal");
     BREACH(v->uv[0], NAN, "mesh.vertices.uv");
-    BREACH(v->reserved, 1, "mesh.vertices.reserved");
+    BREACH(v->open[3], -1, "mesh.vertices.open");
     BREACH(mesh.radius, -1, "mesh.radius");
     BREACH(mesh.model_height, INFINITY, "mesh.radius");
     BREACH(mesh.crown_color[2], NAN, "mesh.crown_color");
