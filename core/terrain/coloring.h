@@ -11,6 +11,9 @@
 #include "core/base/arena.h"
 #include "core/terrain/terrain.h"
 
+/* Version of the builder: part of cache keys; raise it whenever the output changes. */
+#define SV_COLORING_VERSION 1
+
 /* Fills terrain->albedo, terrain->normal and terrain->has_imagery for terrain->field; pixels into the arena.
  * imagery (may be NULL): RGBA u8 over the field's rectangle, row 0 south, at most SV_TERRAIN_TEXTURE_SIDE_MAX
  * a side; where its alpha is below 255 the natural colour shows through, and the albedo has its size. Without

@@ -306,12 +306,18 @@ enum sv_status sv_terrain_procedural(const struct sv_procedural_options *options
     sample_land(&land, o, h);
     grid_finish(&land);
     scale_to_relief(h, n, o->relief_m);
-    double step = o->size_m / (o->samples - 1);
-    *field = (struct sv_heightfield){.width = o->samples,
-                                     .height = o->samples,
-                                     .dx = step,
-                                     .dy = step,
-                                     .h_max = (float)o->relief_m,
-                                     .h = h};
+    *field = sv_terrain_procedural_field(o, h);
     return SV_OK;
+}
+
+struct sv_heightfield sv_terrain_procedural_field(const struct sv_procedural_options *options,
+                                                  const float *heights)
+{
+    double step = options->size_m / (options->samples - 1);
+    return (struct sv_heightfield){.width = options->samples,
+                                   .height = options->samples,
+                                   .dx = step,
+                                   .dy = step,
+                                   .h_max = (float)options->relief_m,
+                                   .h = heights};
 }

@@ -12,6 +12,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
+#include "core/base/hash.h"
 #include "core/scene/scene.h"
 
 struct work {
@@ -198,6 +199,16 @@ static void test_names(void **state)
     assert_int_equal(s->forest.count, 3);
 }
 
+static uint64_t hash_ground(const struct sv_scene *s)
+{
+    const struct sv_terrain *t = &s->terrain;
+    uint64_t h =
+        sv_hash_bytes(SV_HASH_INIT, t->field.h, (size_t)(t->field.width * t->field.height) * sizeof(float));
+    h = sv_hash_bytes(h, t->albedo.data, sv_image_bytes(&t->albedo));
+    h = sv_hash_bytes(h, t->normal.data, sv_image_bytes(&t->normal));
+    return sv_hash_done(sv_hash_double(sv_hash_double(h, t->field.dx), (double)t->field.h_max));
+}
+
 static void test_scatter(void **state)
 {
     struct work *w = *state;
@@ -221,9 +232,15 @@ static void test_scatter(void **state)
     assert_true(s->object_count == 1 && s->objects[0].height_m == 3 && s->relief_distance_m == 70);
     uint64_t version = s->version;
     struct sv_tree first = *tree_number(s, 0);
+    uint64_t ground = hash_ground(s);
     s = load_ok(w, text); /* again, now from the store: the same */
     assert_true(s->version == version);
     assert_memory_equal(tree_number(s, 0), &first, sizeof first);
+    assert_true(hash_ground(s) == ground);
+    sv_store_close(w->store);
+    w->store = NULL; /* and the same without any store */
+    s = load_ok(w, text);
+    assert_true(s->version == version && hash_ground(s) == ground);
 }
 
 static void test_empty(void **state)

@@ -57,7 +57,7 @@ static void test_relief(void **state)
 }
 
 /* Pinned: these bits on every machine and compiler. A change of the builder changes them on purpose, and then
- * SCENE_BUILD_VERSION in core/scene/loading.c goes up. */
+ * SV_PROCEDURAL_VERSION goes up. */
 static void test_pinned(void **state)
 {
     (void)state;
