@@ -63,6 +63,12 @@ def children(pid):
     return sorted(found)
 
 
+def environment():
+    """Ours without settings of the daemon's, and with hooks allowed."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("SILVISTA_")}
+    return dict(kept, SILVISTA_TEST_HOOKS="1", **SANITIZER)
+
+
 class Answer:
     def __init__(self, response, body):
         self.status = response.status
@@ -102,7 +108,7 @@ class Daemon:
         self.log_path = os.path.join(self.folder, "log")
         self.log = open(self.log_path, "wb")
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=self.log, env=dict(os.environ, SILVISTA_TEST_HOOKS="1", **SANITIZER)
+            command, stdout=subprocess.PIPE, stderr=self.log, env=environment()
         )
         line = self.process.stdout.readline().decode()
         match = re.fullmatch(r"listening on https?://127\.0\.0\.1:(\d+)\n", line)

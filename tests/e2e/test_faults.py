@@ -5,7 +5,7 @@ import subprocess
 import time
 import unittest
 
-from harness import DAEMON, PROGRAM, SCENE, Case, alive, until, view_target
+from harness import DAEMON, PROGRAM, SCENE, Case, alive, environment, until, view_target
 
 
 class Workers(Case):
@@ -285,9 +285,9 @@ class Ends(Case):
 
 
 class Commands(Case):
-    def run_daemon(self, *args, **environment):
+    def run_daemon(self, *args, **settings):
         return subprocess.run(
-            [DAEMON, *args], capture_output=True, text=True, timeout=60, env=dict(os.environ, **environment)
+            [DAEMON, *args], capture_output=True, text=True, timeout=60, env={**environment(), "SILVISTA_TEST_HOOKS": "0", **settings}
         )
 
     def test_bad_settings_name_the_key(self):
