@@ -165,6 +165,7 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
         options.form = view->plan.trees == SV_TREES_POLYGON ? SV_TREE_FORM_POLYGON : SV_TREE_FORM_AUTO;
         options.polygon_px = view->plan.polygon_px;
         options.triangle_budget = view->plan.triangle_budget;
+        options.color_only = layers == 1u << SV_LAYER_COLOR;
         status = sv_tree_draw_forest(r->trees, &frame, &options, &trees, error);
     }
     if (!status && stats) {

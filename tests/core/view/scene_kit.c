@@ -72,8 +72,10 @@ static void make_trees(struct sv_scene *scene, const struct kit_options *o)
              &error, "sv_tree_grow");
         must(sv_tree_mesh_to_arena(&mesh, scene->arena, &species[k].mesh, &error), &error, "to_arena");
         sv_tree_mesh_finish(&mesh);
-        snprintf(species[k].name, sizeof species[k].name, "%s", sv_habit_name((enum sv_habit)(k % SV_HABIT_COUNT)));
-        species[k].key = sv_mix64(SV_GROW_VERSION * 31 + o->leaves) + (uint64_t)k; /* the same trees in every scene of a test */
+        snprintf(species[k].name, sizeof species[k].name, "%s",
+                 sv_habit_name((enum sv_habit)(k % SV_HABIT_COUNT)));
+        species[k].key = sv_mix64(SV_GROW_VERSION * 31 + o->leaves) +
+                         (uint64_t)k; /* the same trees in every scene of a test */
         bounds[k % SV_HABIT_COUNT] = (struct sv_crown_bound){species[k].mesh.radius, 1, 0};
     }
     scene->species = species;
@@ -94,7 +96,8 @@ static void make_trees(struct sv_scene *scene, const struct kit_options *o)
         t->number = k;
         species[t->species].tree_count++;
     }
-    must(sv_forest_build(trees, o->trees, bounds, scene->arena, &scene->forest, &error), &error, "sv_forest_build");
+    must(sv_forest_build(trees, o->trees, bounds, scene->arena, &scene->forest, &error), &error,
+         "sv_forest_build");
 }
 
 struct sv_scene *kit_scene(const struct kit_options *o)

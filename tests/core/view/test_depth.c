@@ -1,9 +1,9 @@
-/* test_depth.c - layer=depth against a brute-force march of the same triangulated surface (diagonal: alternating, see
- * heightfield.h), by OSMesa and by Embree, at far UTM coordinates and at the origin; and the bound that the level of detail
- * states.
+/* test_depth.c - layer=depth against a brute-force march of the same triangulated surface (diagonal:
+ * alternating, see heightfield.h), by OSMesa and by Embree, at far UTM coordinates and at the origin; and the
+ * bound that the level of detail states.
  *
- * Allowed: 0.1 % or 5 cm, whichever is larger, away from silhouettes by 2 px. A silhouette is where the truth's own inverse
- * depth, linear on any plane, bends sharply within the 5 x 5 pixels around. */
+ * Allowed: 0.1 % or 5 cm, whichever is larger, away from silhouettes by 2 px. A silhouette is where the
+ * truth's own inverse depth, linear on any plane, bends sharply within the 5 x 5 pixels around. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -18,8 +18,15 @@
 
 enum { W = 64, H = 48, POSES = 100 };
 
-static const struct kit_options utm = {.width = 129, .height = 97, .x0 = 499123.5, .y0 = 5204567.25, .z0 = 1234.5,
-                                       .dx = 4.0, .dy = 5.0, .relief_m = 160, .seed = 42};
+static const struct kit_options utm = {.width = 129,
+                                       .height = 97,
+                                       .x0 = 499123.5,
+                                       .y0 = 5204567.25,
+                                       .z0 = 1234.5,
+                                       .dx = 4.0,
+                                       .dy = 5.0,
+                                       .relief_m = 160,
+                                       .seed = 42};
 
 static double march(const struct sv_heightfield *f, const struct sv_camera *camera, int i, int j)
 {
@@ -57,7 +64,8 @@ static bool near_silhouette(const double *z, int i, int j)
                 return true;
             double c = 1 / z[y * W + x], l = 1 / z[y * W + x - 1], r = 1 / z[y * W + x + 1],
                    u = 1 / z[(y - 1) * W + x], d = 1 / z[(y + 1) * W + x];
-            if (fabs(l - 2 * c + r) > 0.08 * c || fabs(u - 2 * c + d) > 0.08 * c || (c == 0 && l + r + u + d > 0))
+            if (fabs(l - 2 * c + r) > 0.08 * c || fabs(u - 2 * c + d) > 0.08 * c ||
+                (c == 0 && l + r + u + d > 0))
                 return true;
         }
     return false;
@@ -114,7 +122,8 @@ static void run(double x0, double y0, double z0, const char *name)
     struct sv_scene *scene = kit_scene(&options);
     struct sv_renderer *renderer;
     struct sv_error error = {0};
-    assert_int_equal(sv_renderer_create(scene, &(struct sv_renderer_options){.truth = true}, &renderer, &error), SV_OK);
+    assert_int_equal(
+        sv_renderer_create(scene, &(struct sv_renderer_options){.truth = true}, &renderer, &error), SV_OK);
     struct sv_rng rng = sv_rng_seeded(7, 0);
     struct tally raster = {0}, raycast = {0};
     static double truth[W * H];
@@ -128,7 +137,8 @@ static void run(double x0, double y0, double z0, const char *name)
             struct sv_picture picture;
             view.plan.terrain_error_px = 0;
             view.plan.raycast = way == 1;
-            assert_int_equal(sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, &error), SV_OK);
+            assert_int_equal(sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, &error),
+                             SV_OK);
             compare(truth, picture.layer[SV_LAYER_DEPTH].data, way ? &raycast : &raster);
             sv_picture_finish(&picture);
         }
@@ -137,7 +147,8 @@ static void run(double x0, double y0, double z0, const char *name)
     static const char *const ways[] = {"OSMesa", "Embree"};
     for (int way = 0; way < 2; way++) {
         const struct tally *t = all[way];
-        printf("%s, %s: %ld pixels compared, %ld near silhouettes, %ld beyond 0.1 %% or 5 cm, worst %.4f of allowed, "
+        printf("%s, %s: %ld pixels compared, %ld near silhouettes, %ld beyond 0.1 %% or 5 cm, worst %.4f of "
+               "allowed, "
                "%ld sky for ground\n",
                name, ways[way], t->compared, t->silhouette, t->wrong, t->worst, t->sky_wrong);
         assert_int_equal(t->wrong, 0);
@@ -160,8 +171,9 @@ static void test_depth_origin(void **state)
     run(0, 0, 0, "moved to the origin");
 }
 
-/* With level of detail on: where drawn and true depth are of the same spot of ground (no silhouette), the drawn point lies
- * off the true surface by a height that, seen from the eye, is less than the stated pixels. */
+/* With level of detail on: where drawn and true depth are of the same spot of ground (no silhouette), the
+ * drawn point lies off the true surface by a height that, seen from the eye, is less than the stated pixels.
+ */
 static void test_detail_error(void **state)
 {
     (void)state;
@@ -202,7 +214,8 @@ static void test_detail_error(void **state)
         }
         sv_picture_finish(&picture);
     }
-    printf("level of detail: %ld points on the drawn surface checked; %ld of %d poses drew fewer triangles than all\n",
+    printf("level of detail: %ld points on the drawn surface checked; %ld of %d poses drew fewer triangles "
+           "than all\n",
            checked, fewer, POSES);
     assert_true(checked > POSES * W * H / 4);
     assert_true(fewer > POSES / 2);
