@@ -17,6 +17,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
@@ -27,7 +28,9 @@ enum {
     FORMAT_VERSION = 1,
     KIND_MAX = 24,
     NAME_MAX_BYTES = 96,
-    LOCK_TRIES = 50,        /* of 2 ms each: then whoever holds the lock does the evicting */
+    LOCK_TRIES = 50,         /* of 2 ms each: then whoever holds the lock does the evicting */
+    PIECE_BYTES = 256 << 10, /* a multiple of 8, as the checksum needs, and small enough for the cache */
+    HUGE_PAGE_BYTES = 2 << 20,
     STALE_TEMPORARY_S = 600 /* a temporary file this old belongs to a writer that died */
 };
 
@@ -156,6 +159,32 @@ static bool write_all(int fd, const void *data, size_t bytes)
     return true;
 }
 
+/* Reads the payload and sums it up, piece by piece, while it is in the cache; same sum as sum_of. */
+static bool read_payload(int fd, void *data, size_t bytes, uint64_t expected_sum)
+{
+    uint64_t h = sv_hash_u64(SV_HASH_INIT, bytes);
+    for (size_t at = 0; at < bytes; at += PIECE_BYTES) {
+        size_t piece = bytes - at < PIECE_BYTES ? bytes - at : PIECE_BYTES;
+        if (!read_all(fd, (char *)data + at, piece))
+            return false;
+        h = sv_hash_bytes(h, (char *)data + at, piece);
+    }
+    return sv_hash_done(h) == expected_sum;
+}
+
+/* Memory for a payload, for free(). Large ones take huge pages where the system has some: the page faults of
+ * 64 MB in small ones cost three times as much as reading it. */
+static void *payload_memory(size_t bytes)
+{
+    size_t whole = (bytes + HUGE_PAGE_BYTES - 1) / HUGE_PAGE_BYTES * HUGE_PAGE_BYTES;
+    if (bytes < 2 * HUGE_PAGE_BYTES || whole < bytes)
+        return malloc(bytes ? bytes : 1);
+    void *data = aligned_alloc(HUGE_PAGE_BYTES, whole);
+    if (data)
+        madvise(data, whole, MADV_HUGEPAGE); /* a wish: it may fail */
+    return data;
+}
+
 static bool header_ok(const struct header *h, const char *kind, uint64_t key, off_t file_bytes)
 {
     return memcmp(h->magic, MAGIC, sizeof h->magic) == 0 && h->format == FORMAT_VERSION &&
@@ -174,12 +203,12 @@ static void *read_blob(int fd, const char *kind, uint64_t key, size_t *bytes, co
         return NULL;
     if (!read_all(fd, &h, sizeof h) || !header_ok(&h, kind, key, st.st_size))
         return NULL;
-    void *data = malloc(h.size ? h.size : 1);
+    void *data = payload_memory(h.size);
     if (!data) {
         *why = "there is no memory for it";
         return NULL;
     }
-    if (!read_all(fd, data, h.size) || sum_of(data, h.size) != h.payload_sum) {
+    if (!read_payload(fd, data, h.size, h.payload_sum)) {
         free(data);
         return NULL;
     }

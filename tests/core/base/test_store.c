@@ -117,6 +117,36 @@ static void test_round_trip(void **state)
     assert_int_equal(st.st_mode & 0777, 0700);
 }
 
+/* Blobs that are read in several pieces into memory of their own kind; a bit flipped in any piece is seen. */
+static void test_large(void **state)
+{
+    const struct folder *f = *state;
+    enum { PIECE = 256 << 10, HUGE = 2 << 20 };
+    static unsigned char block[2 * HUGE + 13];
+    static const size_t sizes[] = {PIECE - 1,    PIECE,    PIECE + 1,    3 * PIECE + 5,
+                                   2 * HUGE - 1, 2 * HUGE, 2 * HUGE + 1, sizeof block};
+    for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++) {
+        fill(block, sizes[k], k);
+        put(f, "big", k, block, sizes[k]);
+        assert_true(has(f, "big", k, block, sizes[k]));
+    }
+    char path[160];
+    snprintf(path, sizeof path, "%s/a/b/big-%016x.svb", f->path, 7);
+    for (size_t at = 100; at < sizeof block; at += PIECE) {
+        int fd = open(path, O_RDWR);
+        unsigned char c;
+        assert_true(fd >= 0);
+        assert_int_equal(pread(fd, &c, 1, (off_t)(HEADER + at)), 1);
+        c ^= 16;
+        assert_int_equal(pwrite(fd, &c, 1, (off_t)(HEADER + at)), 1);
+        assert_false(has(f, "big", 7, block, sizeof block));
+        c ^= 16;
+        assert_int_equal(pwrite(fd, &c, 1, (off_t)(HEADER + at)), 1);
+        close(fd);
+        assert_true(has(f, "big", 7, block, sizeof block));
+    }
+}
+
 static void write_file(const char *path, const void *data, size_t n)
 {
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
@@ -391,9 +421,10 @@ static void test_concurrent(void **state)
 int main(void)
 {
 #define T(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-    const struct CMUnitTest tests[] = {
-        T(test_round_trip), T(test_damage), T(test_foreign), T(test_budget), T(test_stale_temporaries),
-        T(test_read_only),  T(test_full),   T(test_absent),  T(test_kinds),  T(test_concurrent)};
+    const struct CMUnitTest tests[] = {T(test_round_trip), T(test_large),     T(test_damage),
+                                       T(test_foreign),    T(test_budget),    T(test_stale_temporaries),
+                                       T(test_read_only),  T(test_full),      T(test_absent),
+                                       T(test_kinds),      T(test_concurrent)};
 #undef T
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
