@@ -215,9 +215,15 @@ static void read_file(const char *path, struct sv_settings *settings, struct sv_
     fclose(file);
 }
 
-static bool is_of_a_cluster(const char *name)
+/* Variables of that prefix that are no settings: what a cluster puts there for a service named silvista, and
+ * where the scripts build. */
+static bool is_not_ours(const char *name)
 {
-    return strncmp(name, "SILVISTA_PORT", 13) == 0 || strncmp(name, "SILVISTA_SERVICE_", 17) == 0;
+    static const char *const beginnings[] = {"SILVISTA_PORT", "SILVISTA_SERVICE_", "SILVISTA_BUILD="};
+    for (size_t i = 0; i < sizeof beginnings / sizeof beginnings[0]; i++)
+        if (strncmp(name, beginnings[i], strlen(beginnings[i])) == 0)
+            return true;
+    return false;
 }
 
 static void read_environment(char *const *environment, struct sv_settings *settings, struct sv_errors *errors)
@@ -225,7 +231,7 @@ static void read_environment(char *const *environment, struct sv_settings *setti
     for (; environment && *environment; environment++) {
         const char *entry = *environment, *equals = strchr(entry, '=');
         char key[64], source[96];
-        if (strncmp(entry, "SILVISTA_", 9) != 0 || !equals || is_of_a_cluster(entry))
+        if (strncmp(entry, "SILVISTA_", 9) != 0 || !equals || is_not_ours(entry))
             continue;
         snprintf(source, sizeof source, "environment %.*s", (int)(equals - entry < 72 ? equals - entry : 72),
                  entry);

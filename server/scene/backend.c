@@ -1,8 +1,8 @@
 /* backend.c - the real backend of a scene process: core/scene loads, core/view draws, core/image encodes.
  *
  * Order matters: libraries are told to start no threads before anything else; species and impostors are built
- * side by side in forked children into the store; then the scene is loaded, and GL is warmed here, before any
- * worker is forked, so that all of them share its memory. */
+ * side by side in forked children into the store while the terrain is loaded; then GL is warmed here, before
+ * any worker is forked, so that all of them share its memory. */
 #include "server/scene/backend.h"
 
 #include <stdio.h>
@@ -12,14 +12,13 @@
 
 #include "api/scene_doc.h"
 #include "core/geo/geo.h"
-#include "core/gl/context.h"
 #include "core/image/encode.h"
 #include "core/scene/scene.h"
 #include "core/tree/draw.h"
 #include "core/view/renderer.h"
 #include "core/view/resolve.h"
 #include "server/log.h"
-#include "server/scene/crowd.h"
+#include "server/scene/prepare.h"
 
 struct sv_backend {
     struct sv_store *store;
@@ -40,40 +39,6 @@ static void log_news(void *context, int level, const char *message)
 {
     (void)context;
     sv_log(level ? SV_LOG_WARNING : SV_LOG_INFO, "load", "%s", message);
-}
-
-/* ---- building side by side ---- */
-
-struct crowd_work {
-    const struct sv_scene_spec *spec;
-    const struct sv_scene *scene;
-    struct sv_store *store;
-};
-
-static void build_species(void *context, int i)
-{
-    const struct crowd_work *work = context;
-    struct sv_tree_mesh mesh;
-    struct sv_errors notes;
-    struct sv_error error;
-    uint64_t key;
-    sv_errors_init(&notes);
-    /* A failure is told when the scene is loaded; the mesh stays in the store. */
-    if (sv_species_build(&work->spec->species[i], work->store, &mesh, &key, &notes, &error) == SV_OK)
-        sv_tree_mesh_finish(&mesh);
-}
-
-static void build_impostor(void *context, int i)
-{
-    const struct crowd_work *work = context;
-    const struct sv_species *species = &work->scene->species[i];
-    struct sv_tree_draw_species draw = {
-        .mesh = &species->mesh, .key = species->key, .tree_count = species->tree_count};
-    struct sv_gl_context *context_gl;
-    struct sv_error error;
-    if (species->tree_count && sv_gl_context_create(&context_gl, &error) == SV_OK &&
-        sv_tree_impostor_prepare(&draw, work->store, &error) != SV_OK)
-        sv_log(SV_LOG_WARNING, "load", "%s: %s", species->name, error.message);
 }
 
 /* ---- the scene's document ---- */
@@ -181,31 +146,34 @@ static char *make_document(const struct sv_backend *backend, const struct sv_bac
 
 /* ---- loading ---- */
 
+static void await_species(void *prepare)
+{
+    sv_prepare_wait(prepare);
+}
+
 static enum sv_status load_scene(struct sv_backend *backend, const struct sv_backend_options *options,
                                  struct sv_errors *errors)
 {
     struct sv_scene_spec spec;
-    struct sv_scene_options scene_options = {.store = backend->store, .log = log_news};
     enum sv_status status = sv_scene_spec_read(options->scene_path, &spec, errors);
     if (status != SV_OK)
         return status;
-    struct crowd_work work = {.spec = &spec, .store = backend->store};
-    if (backend->store)
-        sv_crowd_run(spec.species_count, options->processes, build_species, &work);
+    struct sv_prepare *prepare = sv_prepare_start(&spec, backend->store, options->processes);
+    struct sv_scene_options scene_options = {.store = backend->store,
+                                             .log = log_news,
+                                             .before_species = await_species,
+                                             .before_species_context = prepare};
     status = sv_scene_load(&spec, &scene_options, &backend->scene, errors);
+    sv_prepare_destroy(prepare);
     if (status != SV_OK)
         sv_scene_spec_finish(&spec);
     return status;
 }
 
-static enum sv_status make_renderer(struct sv_backend *backend, const struct sv_backend_options *options,
-                                    struct sv_errors *errors)
+static enum sv_status make_renderer(struct sv_backend *backend, struct sv_errors *errors)
 {
     struct sv_error error;
-    struct crowd_work work = {.scene = backend->scene, .store = backend->store};
     struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms};
-    if (backend->store)
-        sv_crowd_run(backend->scene->species_count, options->processes, build_impostor, &work);
     enum sv_status status = sv_renderer_create(backend->scene, &renderer_options, &backend->renderer, &error);
     if (status != SV_OK)
         sv_errors_add(errors, status, error.field, "%s", error.message);
@@ -231,7 +199,7 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
     if (status == SV_OK) {
         int code;
         backend->epsg = sscanf(sv_crs_name(backend->scene->crs), "EPSG:%d", &code) == 1 ? code : 0;
-        status = make_renderer(backend, options, errors);
+        status = make_renderer(backend, errors);
     }
     if (status == SV_OK) {
         backend->document = make_document(backend, options, (now_ms() - start) * 1e-3);
