@@ -106,9 +106,7 @@ def main():
             scene = json.load(urllib.request.urlopen(url + "/v1/scene"))
             print(f"| ready, first start (nothing kept) | {first:.1f} s |")
             print(f"| ready, from then on | {second:.1f} s |")
-            extent = scene["extent"]["bounds"] if "bounds" in scene["extent"] else scene["extent"]
-            if isinstance(extent, dict):
-                extent = [extent[k] for k in ("x_min", "y_min", "x_max", "y_max")]
+            extent = scene["extent"]["scene"]
             for size in ("512x512", "1024x768"):
                 width, height = size.split("x")
                 rows = {"overview": [], "walk": []}
