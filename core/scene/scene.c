@@ -1,4 +1,4 @@
-/* scene.c - a scene from its spec: terrain, trees, the species they need, hierarchy, colours; then sealed.
+/* scene.c - a scene from its spec: terrain, colours, trees, the species they need, hierarchy; then sealed.
  *
  * Steps run in the order of what they need. One that fails adds its errors; those that do not depend on it
  * still run, so that one load tells all. Only what the scene uses is built: a species without a tree is not.
@@ -86,6 +86,8 @@ static bool load_forest(struct sv_loading *l)
     struct sv_error error;
     if (!sv_loading_plant(l, &trees, &count))
         return false;
+    if (count > 0 && l->options->before_species)
+        l->options->before_species(l->options->before_species_context);
     bool ok = load_species(l, trees, count);
     if (ok && build_forest(l, trees, count, &error) != SV_OK) {
         sv_loading_fail(l, &error, "forest");
@@ -109,8 +111,8 @@ static bool load_all(struct sv_loading *l)
     s->relief_resolution = spec->relief_resolution;
     if (!sv_loading_ground(l))
         return false; /* everything else stands on it */
-    bool ok = load_forest(l);
-    ok = sv_loading_colors(l) && ok;
+    bool ok = sv_loading_colors(l);
+    ok = load_forest(l) && ok;
     if (!ok)
         return false;
     if (spec->object_count > 0)

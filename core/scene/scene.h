@@ -48,6 +48,10 @@ struct sv_scene_options {
     sv_scene_log log;       /* may be NULL */
     void *log_context;
     size_t arena_bytes; /* address space to reserve; 0: 64 GiB */
+    /* Called at most once, when the terrain and its colours are there, before the first species is looked up
+     * in the store; may be NULL. Whoever builds species into the store side by side is waited for here. */
+    void (*before_species)(void *context);
+    void *before_species_context;
 };
 
 /* Builds the scene; takes *spec (it is emptied) on success only. Errors collect as for the file. */
