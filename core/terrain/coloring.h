@@ -12,7 +12,7 @@
 #include "core/terrain/terrain.h"
 
 /* Version of the builder: part of cache keys; raise it whenever the output changes. */
-#define SV_COLORING_VERSION 1
+#define SV_COLORING_VERSION 2
 
 /* Fills terrain->albedo, terrain->normal and terrain->has_imagery for terrain->field; pixels into the arena.
  * imagery (may be NULL): RGBA u8 over the field's rectangle, row 0 south, at most SV_TERRAIN_TEXTURE_SIDE_MAX

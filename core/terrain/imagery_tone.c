@@ -8,6 +8,8 @@
 
 enum { HAZE_MIN = 20, BRIGHT_MAX = 140 };
 #define BRIGHT_ALBEDO 0.4f
+/* 1 / (exposure 2.4 x light 0.72 on level ground under a sun at 40 degrees). */
+#define PHOTO_ALBEDO 0.58f
 #define HAZE_KEPT 0.1f /* dark objects are not quite black */
 
 struct band {
@@ -58,6 +60,6 @@ bool sv_imagery_tone(const struct sv_image *imagery, uint8_t table[3][256])
     for (int c = 0; c < 3; c++)
         for (int code = 0; code < 256; code++)
             table[c][code] = raw ? sv_srgb8_from_linear(fmaxf(0, sv_linear_from_srgb8[code] - haze[c]) * gain)
-                                 : (uint8_t)code;
+                                 : sv_srgb8_from_linear(sv_linear_from_srgb8[code] * PHOTO_ALBEDO);
     return raw;
 }

@@ -1,6 +1,7 @@
 /* imagery_tone.h - raw satellite bands made fit to be an albedo.
  *
- * A photograph has blacks and whites, and is taken as it is. Raw bands of a scanner have neither: haze lifts
+ * A photograph has blacks and whites; its values are what a picture should show in plain daylight, not albedos: they are
+ * divided by what daylight and exposure (SV_LIGHT_EXPOSURE) make of an albedo under a sun at 40 degrees. Raw bands of a scanner have neither: haze lifts
  * the darkest ground, and the brightest stays far below white. Only then: the haze of each band is its
  * darkest ground and is taken off in linear light (dark-object subtraction, Chavez 1988), and one gain for
  * all bands lifts the brightest ground to an albedo of 0.4. */
