@@ -282,7 +282,7 @@ static const double BALL = 0.48; /* radius; the cards reach a little farther */
 static const double BALL_VOLUME = 4.0 / 3.0 * SV_PI * 0.48 * 0.48 * 0.48;
 
 /* n leaves of the area, uniform in the ball around (0, 0, 1/2), any orientation; then probes at its centre,
- * foot and top. Returns the first probe's vertex. */
+ * foot, top and eastern side. Returns the first probe's vertex. */
 static uint32_t make_ball(struct sv_tree_mesh *mesh, uint32_t n, double area, uint64_t seed)
 {
     struct sv_rng rng = sv_rng_seeded(seed, 1);
@@ -299,8 +299,9 @@ static uint32_t make_ball(struct sv_tree_mesh *mesh, uint32_t n, double area, ui
         i++;
     }
     uint32_t probe = mesh->vertex_count;
-    const double up[3] = {0, 0, 1}, at[3][3] = {{0, 0, 0.5}, {0, 0, 0.5 - BALL}, {0, 0, 0.5 + BALL}};
-    for (int k = 0; k < 3; k++)
+    const double up[3] = {0, 0, 1},
+                 at[4][3] = {{0, 0, 0.5}, {0, 0, 0.5 - BALL}, {0, 0, 0.5 + BALL}, {BALL, 0, 0.5}};
+    for (int k = 0; k < 4; k++)
         add_card(mesh, at[k], up, 1e-9);
     add_ends(mesh);
     return probe;
@@ -335,6 +336,43 @@ static void test_occlusion_of_a_uniform_ball(void **state)
         assert_true(fabs((double)mesh.radius - BALL) < 0.02);
         sv_tree_mesh_finish(&mesh);
     }
+}
+
+/* Openness to the sun in the ball, against Beer's law along the true way out. Centre: R long whatever the
+ * direction. Eastern side: nothing in the way of an eastern sun, 2 R cos of the angle to the west for a
+ * western one; there the stored linear function can only be the best fit, which is computed here anew over
+ * 4,000 directions of the upper sky. */
+static void test_open_in_a_uniform_ball(void **state)
+{
+    (void)state;
+    enum { DIRECTIONS = 4000 };
+    struct sv_tree_mesh mesh;
+    struct sv_error error;
+    const double s = 3;
+    uint32_t probe = make_ball(&mesh, 40000, 2 * BALL_VOLUME * s / 40000, 3);
+    assert_int_equal(sv_tree_mesh_measure(&mesh, &error), SV_OK);
+    double xx = 0, n = 0, z1 = 0, zz = 0, tx = 0, t1 = 0, tz = 0;
+    for (int k = 0; k < DIRECTIONS; k++) {
+        double z = (k + 0.5) / DIRECTIONS, a = k * 2.39996322972865332, x = sqrt(1 - z * z) * cos(a);
+        double t = exp(-s * 2 * BALL * fmax(0, -x));
+        xx += x * x, n += 1, z1 += z, zz += z * z, tx += t * x, t1 += t, tz += t * z;
+    }
+    double det = n * zz - z1 * z1, mean = (zz * t1 - z1 * tz) / det, slope_z = (n * tz - z1 * t1) / det;
+    for (int k = 0; k < 200; k++) {
+        double z = (k + 0.5) / 200, a = k * 2.39996322972865332, across = sqrt(1 - z * z);
+        const float d[3] = {(float)(across * cos(a)), (float)(across * sin(a)), (float)z};
+        double centre = (double)sv_tree_vertex_open(&mesh.vertices[probe], d);
+        double side = (double)sv_tree_vertex_open(&mesh.vertices[probe + 9], d);
+        double want = sv_clamp(tx / xx * (double)d[0] + slope_z * z + mean, 0, 1);
+        /* 16 directions for all of the sky, 7 bits a coefficient, the grid's blurred edge: see above. */
+        if (fabs(centre - exp(-BALL * s)) > 0.05 || fabs(side - want) > 0.09)
+            fail_msg("towards (%.2f %.2f %.2f): centre %.3f, expected %.3f; side %.3f, expected %.3f",
+                     (double)d[0], (double)d[1], z, centre, exp(-BALL * s), side, want);
+    }
+    const float east[3] = {0.8f, 0, 0.6f}, west[3] = {-0.8f, 0, 0.6f};
+    assert_true(sv_tree_vertex_open(&mesh.vertices[probe + 9], east) >
+                3 * sv_tree_vertex_open(&mesh.vertices[probe + 9], west));
+    sv_tree_mesh_finish(&mesh);
 }
 
 /* A mask that keeps half of every card halves the extinction. */
@@ -427,6 +465,7 @@ int main(void)
         cmocka_unit_test(test_saved_bytes_come_back),
         cmocka_unit_test(test_breaches_are_named),
         cmocka_unit_test(test_occlusion_of_a_uniform_ball),
+        cmocka_unit_test(test_open_in_a_uniform_ball),
         cmocka_unit_test(test_mask_thins_the_crown),
         cmocka_unit_test(test_lone_column_is_open),
         cmocka_unit_test(test_measure_refuses_other_heights),
