@@ -17,6 +17,7 @@
 #include "core/tree/draw.h"
 #include "core/view/renderer.h"
 #include "core/view/resolve.h"
+#include "core/view/warm.h"
 #include "server/log.h"
 #include "server/scene/prepare.h"
 
@@ -170,13 +171,15 @@ static enum sv_status load_scene(struct sv_backend *backend, const struct sv_bac
     return status;
 }
 
-static enum sv_status make_renderer(struct sv_backend *backend, struct sv_errors *errors)
+static enum sv_status make_renderer(struct sv_backend *backend, bool warm, struct sv_errors *errors)
 {
     struct sv_error error;
     struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms};
     enum sv_status status = sv_renderer_create(backend->scene, &renderer_options, &backend->renderer, &error);
     if (status != SV_OK)
         sv_errors_add(errors, status, error.field, "%s", error.message);
+    else if (warm && sv_view_warm(backend->renderer, backend->scene, 1u << SV_LAYER_COLOR, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "load", "warming up: %s: %s", error.field, error.message);
     return status;
 }
 
@@ -199,7 +202,7 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
     if (status == SV_OK) {
         int code;
         backend->epsg = sscanf(sv_crs_name(backend->scene->crs), "EPSG:%d", &code) == 1 ? code : 0;
-        status = make_renderer(backend, errors);
+        status = make_renderer(backend, !options->one_picture, errors);
     }
     if (status == SV_OK) {
         backend->document = make_document(backend, options, (now_ms() - start) * 1e-3);

@@ -23,6 +23,7 @@ struct sv_backend_options {
     const char *cache_dir; /* NULL: nothing is kept */
     uint64_t cache_budget_bytes;
     int processes;                          /* that may build side by side while loading */
+    bool one_picture;                       /* is drawn, in this process: nothing is warmed up for workers */
     uint64_t pixels_max, sample_pixels_max; /* for the scene's document */
 };
 

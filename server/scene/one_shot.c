@@ -86,16 +86,17 @@ static enum sv_status make(struct sv_backend *backend, const struct sv_view_requ
 enum sv_status sv_one_shot(const struct sv_backend_options *options, const char *view_path,
                            const char *out_path, struct sv_errors *errors)
 {
-    struct sv_backend_options every_cpu = *options;
+    struct sv_backend_options own = *options;
     struct sv_api_view view;
     struct sv_backend *backend;
     struct sv_error error;
     void *bytes = NULL;
     size_t size = 0;
-    every_cpu.processes = (int)sysconf(_SC_NPROCESSORS_ONLN);
+    own.one_picture = true;
+    own.processes = (int)sysconf(_SC_NPROCESSORS_ONLN);
     enum sv_status status = read_view(options, view_path, &view, errors);
     if (status == SV_OK)
-        status = sv_backend_load(&every_cpu, &backend, errors);
+        status = sv_backend_load(&own, &backend, errors);
     if (status != SV_OK)
         return status;
     status = make(backend, &view.request, &bytes, &size, &error);

@@ -1,0 +1,61 @@
+/* warm.c - the views that make llvmpipe compile what common requests need.
+ *
+ * A variant of a shader depends on the formats that are attached and on blending, not on the camera, the sun
+ * or the air, which are uniforms. So one pose does, if it sees ground near and far (terrain/draw.c has a
+ * program for each zone of depth) and trees both as polygons and as impostors. */
+#include "core/view/warm.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { SIDE_PX = 64 };
+
+/* Nearest trees are polygons, the others impostors: enough for a few of any species. */
+static const double POLYGON_PX = 8;
+static const uint32_t TRIANGLE_BUDGET = 300000;
+
+/* Eyes this far from a tree, at the height of its middle. */
+static const double DISTANCE_HEIGHTS = 1.5;
+
+/* Looks at the forest's middle tree, or level from the terrain's centre. */
+static void choose_pose(const struct sv_scene *scene, struct sv_view_request *request)
+{
+    const struct sv_heightfield *f = &scene->terrain.field;
+    request->eye = (struct sv_place){.form = SV_PLACE_XY,
+                                     .x = 0.5 * (f->x0 + sv_heightfield_x1(f)),
+                                     .y = 0.5 * (f->y0 + sv_heightfield_y1(f)),
+                                     .agl = 2};
+    if (scene->forest.count == 0)
+        return;
+    const struct sv_tree *tree = &scene->forest.trees[scene->forest.count / 2];
+    double h = (double)tree->height_m, ground = tree->z, y = tree->y - DISTANCE_HEIGHTS * h;
+    request->eye = (struct sv_place){.form = SV_PLACE_XY, .x = tree->x, .y = y, .has_z = true};
+    request->target = (struct sv_place){
+        .form = SV_PLACE_XY, .x = tree->x, .y = tree->y, .has_z = true, .z = tree->z + h / 2};
+    (void)sv_heightfield_height(f, tree->x, y, &ground);
+    request->eye.z = fmax(ground, tree->z) + fmax(h / 2, 0.5);
+}
+
+enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene *scene, unsigned layers,
+                            struct sv_error *error)
+{
+    struct sv_view_request request;
+    struct sv_resolved_view view;
+    struct sv_picture picture;
+    memset(&request, 0, sizeof request);
+    request.vfov_rad = 1;
+    request.width = request.height = SIDE_PX;
+    request.layers = layers;
+    request.sky = true;
+    request.quality = SV_QUALITY_FAST;
+    choose_pose(scene, &request);
+    enum sv_status status = sv_view_resolve(scene, &request, &view, NULL, error);
+    if (status)
+        return status;
+    view.plan.polygon_px = POLYGON_PX;
+    view.plan.triangle_budget = TRIANGLE_BUDGET;
+    status = sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, error);
+    if (!status)
+        sv_picture_finish(&picture);
+    return status;
+}
