@@ -1,7 +1,12 @@
 """The wire: headers on every answer, conditional requests, methods, framing, limits, and who is cut off."""
 import contextlib
+import http.client
 import json
+import shutil
 import socket
+import ssl
+import subprocess
+import tempfile
 import time
 import unittest
 
@@ -308,6 +313,31 @@ class Limits(Case):
         d = self.start(picture_cache_mb=0, resolve_cache_entries=0)
         self.assertEqual([d.view(64).status for _ in range(3)], [200] * 3)
         self.assertEqual(d.metric("views_drawn_total"), 3)
+
+
+class Tls(Case):
+    @unittest.skipUnless(shutil.which("openssl"), "skipped: no openssl to make a certificate with")
+    def test_views_over_tls(self):
+        with tempfile.TemporaryDirectory() as folder:
+            key, cert = folder + "/key.pem", folder + "/cert.pem"
+            subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", key, "-out", cert,
+                            "-days", "1", "-subj", "/CN=localhost"], check=True, capture_output=True)
+            d = self.start(wait_ready=False, tls_cert=cert, tls_key=key)
+            context = ssl.create_default_context(cafile=cert)
+            context.check_hostname = False
+
+            def get(target):
+                connection = http.client.HTTPSConnection("127.0.0.1", d.port, timeout=PATIENCE_S, context=context)
+                connection.request("GET", target)
+                response = connection.getresponse()
+                body = response.read()
+                connection.close()
+                return response.status, body
+
+            until(lambda: get("/readyz")[0] == 200, "ready")
+            status, body = get(view_target())
+            self.assertEqual((status, get(view_target())[1]), (200, body))
+            self.assertEqual(head(d.raw(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n") or b"HTTP/1.1 0")[0], 0)
 
 
 if __name__ == "__main__":
