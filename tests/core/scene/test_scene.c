@@ -44,7 +44,8 @@ static void write_file(const struct work *w, const char *name, const char *text)
 static enum sv_status load(struct work *w, const char *text)
 {
     struct sv_scene_spec spec;
-    const struct sv_scene_options options = {w->store, note, w, (size_t)1 << 32};
+    const struct sv_scene_options options = {
+        .store = w->store, .log = note, .log_context = w, .arena_bytes = (size_t)1 << 32};
     w->log[0] = '\0';
     sv_errors_finish(&w->errors);
     sv_scene_destroy(w->last);
