@@ -23,6 +23,7 @@ typedef unsigned long long ull; /* for %llu */
 static void tell_dem(const struct sv_loading *l, const struct sv_dem_report *r)
 {
     const struct sv_heightfield *f = &l->scene->terrain.field;
+    l->scene->counts.voids_filled = r->voids;
     sv_loading_note(
         l, 0,
         "terrain: %s (%s), %d x %d samples in the file; %d x %d of %g x %g m, heights %.1f .. %.1f m, %s",

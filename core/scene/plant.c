@@ -168,6 +168,11 @@ static void tell_points(const struct planting *p, int entry, const struct sv_poi
                         const struct sv_points *points, uint32_t planted, const struct tally *t)
 {
     const struct sv_loading *l = p->l;
+    struct sv_scene_counts *counts = &l->scene->counts;
+    counts->outside_terrain += t->outside;
+    counts->unusable += points->skipped;
+    counts->heights_defaulted += t->defaulted_height;
+    counts->species_defaulted += t->defaulted_species;
     sv_loading_note(l, 0, "forest[%d]: %u trees from %zu points of %s", entry, planted, points->count,
                     s->points);
     if (points->skipped)
@@ -251,6 +256,7 @@ static bool plant_points(struct planting *p, int entry, const struct sv_points_s
 static void tell_scatter(const struct planting *p, int entry, const struct sv_scatter_spec *s,
                          const struct sv_scatter_report *r)
 {
+    p->l->scene->counts.not_placed += s->count - r->placed;
     sv_loading_note(p->l, r->placed < s->count, "forest[%d]: strewed %u of %u trees", entry, r->placed,
                     s->count);
     if (r->placed < s->count)

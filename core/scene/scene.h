@@ -22,6 +22,13 @@ struct sv_species {
     uint32_t tree_count;
 };
 
+/* What of the inputs is not in the scene as it was given; the log says the same in words. */
+struct sv_scene_counts {
+    uint64_t voids_filled;                          /* samples of the DEM */
+    uint64_t outside_terrain, unusable, not_placed; /* points; not_placed: scattered trees without room */
+    uint64_t heights_defaulted, species_defaulted;
+};
+
 struct sv_scene {
     char name[SV_SCENE_NAME_MAX];
     uint64_t version; /* hash of the scene file, of every input's path, size and mtime, and of the builders'
@@ -36,6 +43,7 @@ struct sv_scene {
     int object_count;
     double relief_distance_m;
     int relief_resolution;
+    struct sv_scene_counts counts;
     struct sv_arena *arena;
     struct sv_scene_spec spec; /* owned */
 };

@@ -117,6 +117,12 @@ static char *make_document(const struct sv_backend *backend, const struct sv_bac
                                    .species = species,
                                    .species_count = scene->species_count,
                                    .tree_count = scene->forest.count,
+                                   .voids_filled = scene->counts.voids_filled,
+                                   .outside_terrain = scene->counts.outside_terrain,
+                                   .unusable = scene->counts.unusable,
+                                   .not_placed = scene->counts.not_placed,
+                                   .heights_defaulted = scene->counts.heights_defaulted,
+                                   .species_defaulted = scene->counts.species_defaulted,
                                    .objects = objects,
                                    .object_count = scene->object_count,
                                    .sun_azimuth_rad = scene->sun.azimuth_rad,
@@ -174,7 +180,8 @@ static enum sv_status load_scene(struct sv_backend *backend, const struct sv_bac
 static enum sv_status make_renderer(struct sv_backend *backend, bool warm, struct sv_errors *errors)
 {
     struct sv_error error;
-    struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms};
+    /* The ray-cast structures are built before the fork, so that all workers share them; 0.3 s for the demo. */
+    struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms, .truth = warm};
     enum sv_status status = sv_renderer_create(backend->scene, &renderer_options, &backend->renderer, &error);
     if (status != SV_OK)
         sv_errors_add(errors, status, error.field, "%s", error.message);
@@ -200,8 +207,7 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
         sv_log(SV_LOG_WARNING, "store", "%s: %s: what is built is not kept", error.field, error.message);
     enum sv_status status = load_scene(backend, options, errors);
     if (status == SV_OK) {
-        int code;
-        backend->epsg = sscanf(sv_crs_name(backend->scene->crs), "EPSG:%d", &code) == 1 ? code : 0;
+        backend->epsg = sv_crs_epsg(backend->scene->crs);
         status = make_renderer(backend, !options->one_picture, errors);
     }
     if (status == SV_OK) {

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "api/answer.h"
@@ -20,7 +21,29 @@ static enum sv_status fail(struct sv_errors *errors, enum sv_status status, cons
     return status;
 }
 
-static enum sv_status read_view(const struct sv_backend_options *options, const char *path,
+/* The format that a file's suffix names; SV_FORMAT_COUNT when it names none. */
+static enum sv_format suffix_format(const char *suffix)
+{
+    for (int k = 0; k < SV_FORMAT_COUNT; k++)
+        if (strcasecmp(suffix, sv_format_name((enum sv_format)k)) == 0)
+            return (enum sv_format)k;
+    return strcasecmp(suffix, "jpg") == 0   ? SV_FORMAT_JPEG
+           : strcasecmp(suffix, "tif") == 0 ? SV_FORMAT_TIFF
+                                            : SV_FORMAT_COUNT;
+}
+
+/* A file holds what its suffix says, or is not written: the suffix has the say that an Accept header has over
+ * HTTP, and must not belie a format that the view asks for. */
+static const char *suffix_media(const char *path)
+{
+    const char *slash = strrchr(path, '/'), *dot = strrchr(slash ? slash : path, '.');
+    if (!dot)
+        return NULL;
+    enum sv_format format = suffix_format(dot + 1);
+    return format < SV_FORMAT_COUNT ? sv_format_media(format) : "image/unknown";
+}
+
+static enum sv_status read_view(const struct sv_backend_options *options, const char *path, const char *out,
                                 struct sv_api_view *view, struct sv_errors *errors)
 {
     FILE *file = fopen(path, "re");
@@ -35,8 +58,14 @@ static enum sv_status read_view(const struct sv_backend_options *options, const 
     fclose(file);
     struct sv_api_view_limits limits = {.pixels_max = options->pixels_max,
                                         .sample_pixels_max = options->sample_pixels_max};
-    enum sv_problem_kind kind = sv_api_view_parse_json(text, bytes, NULL, &limits, view, errors);
+    const char *media = suffix_media(out);
+    enum sv_problem_kind kind = sv_api_view_parse_json(text, bytes, media, &limits, view, errors);
     free(text);
+    if (kind == SV_PROBLEM_NOT_ACCEPTABLE || (kind == SV_PROBLEM_NONE && media && !view->request.describe &&
+                                              strcmp(media, sv_format_media(view->request.format)) != 0))
+        return fail(errors, SV_EINVAL, out,
+                    "the suffix is not that of a format that can hold this view: use one of jpeg, png, webp, "
+                    "tiff, exr, and the same as the view's own format, if it gives one");
     return kind == SV_PROBLEM_NONE ? SV_OK : SV_EINVAL;
 }
 
@@ -94,7 +123,7 @@ enum sv_status sv_one_shot(const struct sv_backend_options *options, const char 
     size_t size = 0;
     own.one_picture = true;
     own.processes = (int)sysconf(_SC_NPROCESSORS_ONLN);
-    enum sv_status status = read_view(options, view_path, &view, errors);
+    enum sv_status status = read_view(options, view_path, out_path, &view, errors);
     if (status == SV_OK)
         status = sv_backend_load(&own, &backend, errors);
     if (status != SV_OK)

@@ -4,8 +4,9 @@
 
 #include "server/scene/backend.h"
 
-/* Reads the view and draws it into out ("-": standard output). f=json writes the description instead. Errors
- * are added; SV_OK when the file is written. */
+/* Reads the view and draws it into out ("-": standard output). A suffix of out chooses the format where the
+ * view does not, and must fit one that it gives. f=json writes the description instead. Errors are added;
+ * SV_OK when the file is written. */
 SV_MUST_CHECK enum sv_status sv_one_shot(const struct sv_backend_options *options, const char *view_path,
                                          const char *out_path, struct sv_errors *errors);
 

@@ -169,6 +169,7 @@ static void test_points(void **state)
     assert_told(w, "forest[0]: 11 trees from 15 points");
     assert_told(w, "! forest[0]: 1 features without a usable place left out");
     assert_told(w, "! forest[0]: 2 points outside the terrain left out");
+    assert_int_equal(w->last->counts.outside_terrain, 2);
     assert_told(w, "forest[0]: 2 trees lower than 2 m left out");
     assert_told(w, "! forest[0]: 5 trees without a height of 0 .. 150 m stand at 14 m");
     assert_told(w, "! forest[0]: 2 trees of no or unknown species are \"fir\"");
@@ -495,6 +496,7 @@ static void test_scbi(void **state)
     assert_int_equal(s->forest.count, 8832);
     assert_false(s->terrain.has_imagery);
     assert_told(w, "8350 trees without a height"); /* 8832 stems, 482 heights */
+    assert_int_equal(w->last->counts.heights_defaulted, 8350);
     for (uint32_t k = 0; k < s->forest.count; k++)
         assert_true(s->forest.trees[k].z > 270 &&
                     s->forest.trees[k].z < 341); /* gdallocationinfo: 271 .. 340 */
