@@ -303,6 +303,12 @@ const char *sv_crs_name(const struct sv_crs *crs)
     return crs->name;
 }
 
+int sv_crs_epsg(const struct sv_crs *crs)
+{
+    int code = 0, used = 0;
+    return sscanf(crs->name, "EPSG:%9d%n", &code, &used) == 1 && !crs->name[used] ? code : 0;
+}
+
 const char *sv_crs_wkt(const struct sv_crs *crs)
 {
     return crs->wkt;

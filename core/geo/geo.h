@@ -38,6 +38,8 @@ double sv_crs_unit_m(const struct sv_crs *crs);
 /* "EPSG:32633" when an authority code is known or can be identified, else the CRS's name, "local" for local.
  */
 const char *sv_crs_name(const struct sv_crs *crs);
+/* 32633 of "EPSG:32633"; 0 when the system has no EPSG code, as one that was turned from feet to metres. */
+int sv_crs_epsg(const struct sv_crs *crs);
 /* WKT 1, for geo tags; "" for local (and for the few systems that WKT 1 cannot say). */
 const char *sv_crs_wkt(const struct sv_crs *crs);
 

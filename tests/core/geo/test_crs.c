@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "core/base/vec.h"
+#include "core/geo/crs.h"
 #include "core/geo/geo.h"
 
 static struct sv_crs *make(const char *text)
@@ -28,12 +29,14 @@ static void names(void **state)
     (void)state;
     struct sv_crs *utm = make("EPSG:32633"), *lonlat = make("WGS84"), *local = NULL;
     assert_string_equal(sv_crs_name(utm), "EPSG:32633");
+    assert_int_equal(sv_crs_epsg(utm), 32633);
     assert_non_null(strstr(sv_crs_wkt(utm), "PROJCS[\"WGS 84 / UTM zone 33N\""));
     assert_false(sv_crs_is_geographic(utm));
     assert_true(sv_crs_is_geographic(lonlat));
     assert_int_equal(sv_crs_create_local(&local, NULL), SV_OK);
     assert_true(sv_crs_is_local(local));
     assert_string_equal(sv_crs_name(local), "local");
+    assert_int_equal(sv_crs_epsg(local), 0);
     assert_string_equal(sv_crs_wkt(local), "");
     /* one that has no code itself, but is one that has */
     struct sv_crs *same = make("+proj=utm +zone=33 +datum=WGS84 +units=m +no_defs");
@@ -226,6 +229,14 @@ static void feet(void **state)
     near("x", x, 6000000 * 1200.0 / 3937.0, 1e-3);
     near("y", y, 2000000 * 1200.0 / 3937.0, 1e-3);
     sv_crs_transform_destroy(t);
+    /* The code is that of the system in feet: metres must not go about under it (a GeoTIFF would lie 200 km
+     * off). */
+    struct sv_crs *turned = NULL;
+    assert_int_equal(sv_crs_in_metres(ft, &turned, NULL), SV_OK);
+    near("unit", sv_crs_unit_m(turned), 1, 0);
+    assert_int_equal(sv_crs_epsg(ft), 2225);
+    assert_true(sv_crs_epsg(turned) == 0 || sv_crs_epsg(turned) == 26941);
+    sv_crs_destroy(turned);
     sv_crs_destroy(ft);
     sv_crs_destroy(m);
 }
