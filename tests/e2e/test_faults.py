@@ -327,6 +327,14 @@ class Commands(Case):
         self.assertEqual((result.returncode, os.path.getsize(out) > 64), (0, True), result.stderr)
         with open(out, "rb") as f:
             self.assertEqual(f.read(), d.view(64).body)
+        for given, name, good in [("", "a.PNG", True), ("", "a.gif", False), ("", "plain", True), (', "f": "json"', "a.json", True),
+                                  (', "format": "jpeg"', "a.png", False), (', "format": "tiff"', "a.tif", True)]:
+            with open(view, "w") as f:
+                f.write('{"x": 100, "y": 100, "agl": 10, "width": 64, "height": 64%s}' % given)
+            out = os.path.join(d.folder, name)
+            result = self.run_daemon(*common, "--render", view, "-o", out)
+            self.assertEqual((result.returncode == 0, os.path.exists(out)), (good, good), (name, result.stderr))
+            self.assertEqual(name in result.stderr, not good, result.stderr)
         with open(view, "w") as f:
             f.write('{"x": 100, "y": 100, "vfov": 200, "bogus": 1}')
         result = self.run_daemon(*common, "--render", view, "-o", out)
