@@ -13,8 +13,13 @@ rm -f "$here/build.log"
 scene=$here/deploy/demo/scene.json
 for argument in "$@"; do
     case $argument in
-    --scene | --scene=* | --render | --render=* | --help | --version | --check-config) scene= ;;
+    --scene | --scene=* | --config | --config=* | --render | --render=* | --help | --version | --check-config | --print-config)
+        scene= ;;
     esac
 done
-[ -n "$scene" ] && set -- --scene "$scene" "$@"
+[ -z "${SILVISTA_SCENE:-}" ] || scene=
+if [ -n "$scene" ]; then
+    [ $# -gt 0 ] || echo "first picture: curl -o view.jpg 'http://127.0.0.1:8080/v1/view?x=1180&y=620&agl=34&heading=335&pitch=-9'"
+    set -- --scene "$scene" "$@"
+fi
 exec "$build/server/silvistad" "$@"
