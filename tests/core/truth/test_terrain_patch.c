@@ -1,4 +1,5 @@
-/* test_terrain_patch.c - ray against patch, held to every triangle of the field in long double (Moeller and Trumbore 1997). */
+/* test_terrain_patch.c - ray against patch, held to every triangle of the field in long double (Moeller and
+ * Trumbore 1997). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,7 +14,8 @@
 
 typedef long double real;
 
-static bool triangle(const real a[3], const real b[3], const real c[3], const real o[3], const real d[3], real *t)
+static bool triangle(const real a[3], const real b[3], const real c[3], const real o[3], const real d[3],
+                     real *t)
 {
     real e1[3], e2[3], p[3], s[3], q[3];
     for (int k = 0; k < 3; k++) {
@@ -80,7 +82,8 @@ static void test_rays(void **state)
     for (int k = 0; k < 20000; k++) {
         struct sv_vec3 o = sv_vec3(sv_rng_range(&rng, 399990, 400070), sv_rng_range(&rng, 3999990, 4000070),
                                    sv_rng_range(&rng, 795, 830));
-        struct sv_vec3 d = sv_vec3(sv_rng_range(&rng, -1, 1), sv_rng_range(&rng, -1, 1), sv_rng_range(&rng, -1, 0.4));
+        struct sv_vec3 d =
+            sv_vec3(sv_rng_range(&rng, -1, 1), sv_rng_range(&rng, -1, 1), sv_rng_range(&rng, -1, 0.4));
         if (k % 7 == 0)
             d.x = 0; /* along a row of samples, through vertices and down a plumb line */
         if (k % 11 == 0)
@@ -98,10 +101,12 @@ static void test_rays(void **state)
         }
         real truth = brute(&f, o, d);
         hits += isfinite((double)truth);
-        /* Double arithmetic on coordinates of 4e6 m: 1e-9 m in place, divided by the angle at which the plane is met. */
-        if (isfinite((double)truth) != isfinite(best) || (isfinite(best) && fabs(best - (double)truth) > 1e-6))
-            fail_msg("ray %d from (%.9g %.9g %.9g) along (%.17g %.17g %.17g): got %.12g, expected %.12Lg", k, o.x, o.y, o.z,
-                     d.x, d.y, d.z, best, truth);
+        /* Double arithmetic on coordinates of 4e6 m: 1e-9 m in place, divided by the angle at which the plane
+         * is met. */
+        if (isfinite((double)truth) != isfinite(best) ||
+            (isfinite(best) && fabs(best - (double)truth) > 1e-6))
+            fail_msg("ray %d from (%.9g %.9g %.9g) along (%.17g %.17g %.17g): got %.12g, expected %.12Lg", k,
+                     o.x, o.y, o.z, d.x, d.y, d.z, best, truth);
     }
     printf("20000 rays, %d hit\n", hits);
     assert_true(hits > 4000 && hits < 19000);
