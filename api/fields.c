@@ -250,12 +250,12 @@ static char lower(char c)
     return c >= 'A' && c <= 'Z' ? (char)(c - 'A' + 'a') : c;
 }
 
-/* Levenshtein's distance, case apart; words of up to 31 characters, 99 for longer ones. */
+/* Levenshtein's distance, case apart; words of up to 31 characters, SIZE_MAX for longer ones. */
 static size_t distance(const char *a, const char *b)
 {
     size_t row[32], na = strlen(a), nb = strlen(b);
     if (na > 31 || nb > 31)
-        return 99;
+        return SIZE_MAX;
     for (size_t j = 0; j <= nb; j++)
         row[j] = j;
     for (size_t i = 1; i <= na; i++) {
@@ -274,8 +274,7 @@ static size_t distance(const char *a, const char *b)
     return row[nb];
 }
 
-/* Keeps the nearer of two candidates; a third of the word's letters may be wrong. */
-static void consider(const char *name, const char *candidate, const char **best, size_t *best_distance)
+void sv_api_name_consider(const char *name, const char *candidate, const char **best, size_t *best_distance)
 {
     size_t d = distance(name, candidate);
     if (d < *best_distance && d * 3 <= strlen(name) + 1) {
@@ -287,9 +286,9 @@ static void consider(const char *name, const char *candidate, const char **best,
 const char *sv_api_field_nearest(const char *name)
 {
     const char *best = NULL;
-    size_t best_distance = 99;
+    size_t best_distance = SIZE_MAX;
     for (int id = 0; id < SV_FIELD_COUNT; id++)
-        consider(name, sv_api_field_name((enum sv_field_id)id), &best, &best_distance);
+        sv_api_name_consider(name, sv_api_field_name((enum sv_field_id)id), &best, &best_distance);
     return best;
 }
 
@@ -356,11 +355,11 @@ static int choice_find(const struct sv_field *field, const char *text, size_t n)
 static void refuse_choice(enum sv_field_id id, const char *text, size_t n, struct sv_errors *errors)
 {
     const char *best = NULL;
-    size_t best_distance = 99;
+    size_t best_distance = SIZE_MAX;
     char word[32], what[96];
     snprintf(word, sizeof word, "%.*s", n < 31 ? (int)n : 0, text);
     for (int k = 0; word[0] && k < choice_count(&table[id]); k++)
-        consider(word, table[id].choices[k], &best, &best_distance);
+        sv_api_name_consider(word, table[id].choices[k], &best, &best_distance);
     snprintf(what, sizeof what, best ? "is not a value of it (did you mean \"%s\"?)" : "is not a value of it",
              best);
     refuse(id, text, n, what, errors);

@@ -105,6 +105,10 @@ const char *sv_api_field_name(enum sv_field_id id);
 enum sv_field_id sv_api_field_find(const char *name);
 /* The name of a field that was likely meant, or NULL when none is near. */
 const char *sv_api_field_nearest(const char *name);
+/* A guess at what was meant, for any list of names: keeps the candidate that is nearer to the name than *best
+ * is, and its distance. Start with NULL and SIZE_MAX. A third of the name's letters may be wrong, case apart;
+ * names of over 31 bytes are near to nothing. */
+void sv_api_name_consider(const char *name, const char *candidate, const char **best, size_t *best_distance);
 /* What is legal: "a number from 1 to 150 deg", "one of png, jpeg, ...". Returns out; 256 bytes hold every
  * field's. */
 const char *sv_api_field_legal(enum sv_field_id id, char *out, size_t size);

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "api/fields.h"
+
 enum setting_type { SETTING_TEXT, SETTING_WHOLE, SETTING_SWITCH };
 
 struct setting {
@@ -105,6 +107,20 @@ static const struct setting *find_row(const char *key)
     return NULL;
 }
 
+/* Says that there is no such setting, and which one was likely meant. */
+static void refuse_key(const char *key, const char *source, struct sv_errors *errors)
+{
+    const char *best = NULL;
+    size_t best_distance = SIZE_MAX;
+    for (size_t i = 0; i < SETTING_COUNT; i++)
+        if (find_row(table[i].key))
+            sv_api_name_consider(key, table[i].key, &best, &best_distance);
+    if (best)
+        sv_errors_add(errors, SV_EINVAL, key, "%s: no such setting: did you mean \"%s\"?", source, best);
+    else
+        sv_errors_add(errors, SV_EINVAL, key, "%s: no such setting: --help lists them", source);
+}
+
 static void set_text(const struct setting *row, const char *value, const char *source,
                      struct sv_settings *settings, struct sv_errors *errors)
 {
@@ -170,7 +186,7 @@ static void set_key(const char *key, const char *value, const char *source, stru
     if (row)
         set_value(row, value, source, settings, errors);
     else
-        sv_errors_add(errors, SV_EINVAL, key, "%s: no such setting", source);
+        refuse_key(key, source, errors);
 }
 
 static char *trimmed(char *text)
@@ -257,6 +273,23 @@ static const struct {
                 {"check_config", SV_COMMAND_CHECK},
                 {"print_config", SV_COMMAND_SAMPLE}};
 
+/* Flags that take a value and are no settings. */
+static bool is_value_flag(const char *key)
+{
+    return strcmp(key, "config") == 0 || strcmp(key, "render") == 0 || strcmp(key, "output") == 0;
+}
+
+/* Says that no flag has that name, and passes over what looks like its value. */
+static void refuse_flag(const struct flag *flag, bool has_value, int argc, char *const *argv, int *i,
+                        struct sv_errors *errors)
+{
+    char source[80];
+    if (!has_value && *i < argc && argv[*i][0] != '-')
+        (*i)++;
+    snprintf(source, sizeof source, "flag --%s", flag->key);
+    refuse_key(flag->key, source, errors);
+}
+
 /* Reads the flag at argv[*i], moves *i over what it took. False after an error. */
 static bool next_flag(int argc, char *const *argv, int *i, struct flag *flag, bool *is_command,
                       struct sv_command_line *line, struct sv_errors *errors)
@@ -281,6 +314,10 @@ static bool next_flag(int argc, char *const *argv, int *i, struct flag *flag, bo
             *is_command = true;
             return true;
         }
+    if (!is_value_flag(flag->key) && !find_row(flag->key)) {
+        refuse_flag(flag, text[2 + bytes] == '=', argc, argv, i, errors);
+        return false;
+    }
     if (text[2 + bytes] == '=')
         flag->value = text + 3 + bytes;
     else if (*i < argc)

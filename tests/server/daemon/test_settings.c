@@ -104,6 +104,36 @@ static void all_faults_are_named_at_once(void **state)
     assert_true(has_error("config"));
 }
 
+static const char *message_of(const char *key)
+{
+    for (size_t i = 0; i < errors.count; i++)
+        if (strcmp(errors.items[i].field, key) == 0)
+            return errors.items[i].message;
+    return "";
+}
+
+/* A wrong name is told as such, whether or not a value follows; a wrong flag takes no other flag with it. */
+static void an_unknown_key_is_no_missing_value(void **state)
+{
+    char *environment[] = {(char *)(uintptr_t) "SILVISTA_WORKER=1", NULL};
+    (void)state;
+    assert_int_not_equal(read_them(NULL, "--bogus", NULL), SV_OK);
+    assert_string_equal(message_of("bogus"), "flag --bogus: no such setting: --help lists them");
+    assert_int_not_equal(read_them(NULL, "--queue-limt", NULL), SV_OK);
+    assert_string_equal(message_of("queue_limt"),
+                        "flag --queue_limt: no such setting: did you mean \"queue_limit\"?");
+    assert_int_not_equal(
+        read_them(environment, "--bogus", "--drain-ms", "5", "--worke", "7", "--stray=3", NULL), SV_OK);
+    assert_int_equal(errors.total, 4);
+    assert_int_equal(settings.drain_ms, 5);
+    assert_non_null(strstr(message_of("worker"), "did you mean \"workers\"?"));
+    assert_non_null(strstr(message_of("stray"), "no such setting"));
+    assert_int_not_equal(read_them(NULL, "--test-hooks-dif", "x", NULL), SV_OK); /* hidden: not proposed */
+    assert_null(strstr(message_of("test_hooks_dif"), "test_hooks_dir"));
+    assert_int_not_equal(read_them(NULL, "--workers", NULL), SV_OK);
+    assert_string_equal(message_of("workers"), "--workers needs a value");
+}
+
 static void commands_are_read(void **state)
 {
     (void)state;
@@ -161,6 +191,7 @@ int main(void)
         cmocka_unit_test(a_later_source_wins),
         cmocka_unit_test(empty_values_are_filled_in),
         cmocka_unit_test(all_faults_are_named_at_once),
+        cmocka_unit_test(an_unknown_key_is_no_missing_value),
         cmocka_unit_test(commands_are_read),
         cmocka_unit_test(the_sample_reads_back_as_the_defaults),
         cmocka_unit_test(a_run_needs_a_scene_and_both_tls_files),
