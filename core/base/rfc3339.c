@@ -102,23 +102,23 @@ enum sv_status sv_rfc3339_parse(const char *text, double *unix_s, struct sv_erro
 {
     struct parts t;
     if (!text || !split(text, &t))
-        return sv_fail(error, SV_EINVAL, NULL, "not a date and time like 2026-06-21T12:00:00+02:00");
+        return sv_fail(error, SV_EINVAL, NULL, "is not a date and time");
     if (t.year < 1)
-        return sv_fail(error, SV_EINVAL, NULL, "year %04d is outside 0001..9999", t.year);
+        return sv_fail(error, SV_EINVAL, NULL, "has year %04d, outside 0001..9999", t.year);
     if (t.month < 1 || t.month > 12)
-        return sv_fail(error, SV_EINVAL, NULL, "month %02d is outside 01..12", t.month);
+        return sv_fail(error, SV_EINVAL, NULL, "has month %02d, outside 01..12", t.month);
     if (t.day < 1 || t.day > days_in_month(t.year, t.month))
-        return sv_fail(error, SV_EINVAL, NULL, "day %02d is outside 01..%d of that month", t.day,
+        return sv_fail(error, SV_EINVAL, NULL, "has day %02d, outside 01..%d of that month", t.day,
                        days_in_month(t.year, t.month));
     if (t.hour > 23 || t.minute > 59 || t.second > 60)
-        return sv_fail(error, SV_EINVAL, NULL, "time %02d:%02d:%02d is outside 00:00:00..23:59:60", t.hour,
+        return sv_fail(error, SV_EINVAL, NULL, "has time %02d:%02d:%02d, outside 00:00:00..23:59:60", t.hour,
                        t.minute, t.second);
     int64_t minute = days_from_civil(t.year, t.month, t.day) * 86400 + t.hour * 3600 + t.minute * 60 -
                      (int64_t)t.offset_min * 60;
     if (t.second == 60) {
         if (!begins_month(minute + 60, t.year))
             return sv_fail(error, SV_EINVAL, NULL,
-                           "second 60 is legal only at 23:59:60 UTC at the end of a month");
+                           "has second 60, legal only at 23:59:60 UTC at the end of a month");
         *unix_s = nextafter((double)(minute + 60), -INFINITY);
         return SV_OK;
     }

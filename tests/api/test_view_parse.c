@@ -176,6 +176,9 @@ static void messages_teach(void **state)
         {"x=1", "x needs it"},
         {"x=1&y=2&samples=3", "expected one of 1, 4, 16, 64"},
         {"x=1&y=2&time=2026-06-21T12:00:00+02:00", "%2B"},
+        {"x=1&y=2&time=yesterday", "\"yesterday\" is not a date and time: expected a "},
+        {"x=1&y=2&time=2026-13-01T00:00:00Z",
+         "\"2026-13-01T00:00:00Z\" has month 13, outside 01..12: expected"},
         {"x=1&y=2&width=1000&height=1000&samples=16", "16000000"},
     };
     for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
@@ -183,6 +186,9 @@ static void messages_teach(void **state)
         if (!strstr(r.first, rows[k].part))
             fail_msg("%s: \"%s\" has no \"%s\"", rows[k].query, r.first, rows[k].part);
     }
+    struct result moment = kvp("x=1&y=2&time=yesterday", NULL);
+    const char *example = strstr(moment.first, "like ");
+    assert_true(example && !strstr(example + 1, "like ")); /* once */
 }
 
 static void not_built_yet(void **state)

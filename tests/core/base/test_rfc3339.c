@@ -92,7 +92,8 @@ static void test_refused(void **state)
     for (size_t k = 0; k < sizeof bad / sizeof bad[0]; k++) {
         double got = 77;
         struct sv_error e = {0};
-        if (sv_rfc3339_parse(bad[k], &got, &e) != SV_EINVAL || got != 77 || !e.message[0])
+        if (sv_rfc3339_parse(bad[k], &got, &e) != SV_EINVAL || got != 77 ||
+            (strncmp(e.message, "is not a ", 9) != 0 && strncmp(e.message, "has ", 4) != 0))
             fail_msg("\"%s\" was not refused", bad[k]);
     }
     double got;
