@@ -46,14 +46,26 @@ static void missing(struct build *b, enum sv_field_id id, const char *why)
     BAD(b, id, "is missing: %s; expected %s", why, sv_api_field_legal(id, legal, sizeof legal));
 }
 
-/* Both of two fields are given: each is named. */
-static bool exclude(struct build *b, enum sv_field_id one, enum sv_field_id other)
+/* One error for a field that is given beside others that exclude it; it names them all. */
+static void exclude(struct build *b, enum sv_field_id id, const enum sv_field_id *others, size_t count,
+                    const char *advice)
 {
-    if (!present(b, one) || !present(b, other))
-        return false;
-    BAD(b, one, "excludes %s: give one of them", sv_api_field_name(other));
-    BAD(b, other, "excludes %s: give one of them", sv_api_field_name(one));
-    return true;
+    char list[128] = "";
+    if (!present(b, id))
+        return;
+    for (size_t k = 0; k < count; k++)
+        if (others[k] != id && present(b, others[k]))
+            snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", list[0] ? ", " : "",
+                     sv_api_field_name(others[k]));
+    if (list[0])
+        BAD(b, id, "excludes %s: %s", list, advice);
+}
+
+/* At most one of the fields may be given: each that is given beside others is named once. */
+static void exclude_each_other(struct build *b, const enum sv_field_id *ids, size_t count)
+{
+    for (size_t k = 0; k < count; k++)
+        exclude(b, ids[k], ids, count, "give one of them");
 }
 
 struct place_keys {
@@ -94,7 +106,7 @@ static void build_place(struct build *b, const struct place_keys *k, struct sv_p
         pair(b, k->x, k->y);
         pair(b, k->lon, k->lat);
     }
-    exclude(b, k->z, k->agl);
+    exclude_each_other(b, (const enum sv_field_id[]){k->z, k->agl}, 2);
     if (place->form == SV_PLACE_NONE)
         return;
     place->x = number(b, lonlat ? k->lon : k->x);
@@ -238,9 +250,8 @@ static void build_picture(struct build *b, struct sv_view_request *r)
 
 static void build_effort(struct build *b, struct sv_view_request *r)
 {
-    exclude(b, SV_FIELD_QUALITY, SV_FIELD_MAX_ERROR);
-    exclude(b, SV_FIELD_QUALITY, SV_FIELD_BUDGET_MS);
-    exclude(b, SV_FIELD_MAX_ERROR, SV_FIELD_BUDGET_MS);
+    static const enum sv_field_id efforts[] = {SV_FIELD_QUALITY, SV_FIELD_MAX_ERROR, SV_FIELD_BUDGET_MS};
+    exclude_each_other(b, efforts, sizeof efforts / sizeof efforts[0]);
     r->quality = (enum sv_quality)get(b, SV_FIELD_QUALITY).choice;
     r->max_error_px = number(b, SV_FIELD_MAX_ERROR);
     r->budget_ms = number(b, SV_FIELD_BUDGET_MS);
@@ -261,8 +272,12 @@ static void build_effort(struct build *b, struct sv_view_request *r)
 
 static void build_sun(struct build *b, struct sv_view_request *r)
 {
-    exclude(b, SV_FIELD_TIME, SV_FIELD_SUN_AZIMUTH);
-    exclude(b, SV_FIELD_TIME, SV_FIELD_SUN_ELEVATION);
+    static const enum sv_field_id time[] = {SV_FIELD_TIME};
+    static const enum sv_field_id angles[] = {SV_FIELD_SUN_AZIMUTH, SV_FIELD_SUN_ELEVATION};
+    static const char advice[] = "give the time or the sun's angles";
+    exclude(b, SV_FIELD_TIME, angles, 2, advice);
+    exclude(b, SV_FIELD_SUN_AZIMUTH, time, 1, advice);
+    exclude(b, SV_FIELD_SUN_ELEVATION, time, 1, advice);
     r->has_sun_azimuth = present(b, SV_FIELD_SUN_AZIMUTH);
     r->has_sun_elevation = present(b, SV_FIELD_SUN_ELEVATION);
     r->has_time = present(b, SV_FIELD_TIME);
