@@ -191,19 +191,42 @@ static bool can_hold(enum sv_format format, const struct sv_view_request *r)
     return r->sky || format != SV_FORMAT_JPEG || !(r->layers & BIT(SV_LAYER_COLOR));
 }
 
+/* "depth with sky=off": the layers, and what else decides which formats can hold the picture. */
+static const char *picture_text(const struct sv_view_request *r, char *out, size_t size)
+{
+    out[0] = '\0';
+    for (int k = 0; k < SV_LAYER_COUNT; k++)
+        if (r->layers & BIT(k))
+            snprintf(out + strlen(out), size - strlen(out), "%s%s", out[0] ? "," : "",
+                     sv_layer_name((enum sv_layer)k));
+    if (!r->sky)
+        snprintf(out + strlen(out), size - strlen(out), " with sky=off");
+    return out;
+}
+
 static void refuse_format(struct build *b, enum sv_format format, const struct sv_view_request *r)
 {
-    char list[64] = "", layers[64] = "";
+    char list[64] = "", picture[64];
     for (int k = 0; k < SV_FORMAT_COUNT; k++)
         if (can_hold((enum sv_format)k, r))
             snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", list[0] ? ", " : "",
                      sv_format_name((enum sv_format)k));
-    for (int k = 0; k < SV_LAYER_COUNT; k++)
-        if (r->layers & BIT(k))
-            snprintf(layers + strlen(layers), sizeof layers - strlen(layers), "%s%s", layers[0] ? "," : "",
-                     sv_layer_name((enum sv_layer)k));
-    BAD(b, SV_FIELD_FORMAT, "%s cannot hold layer=%s%s: use %s", sv_format_name(format), layers,
-        r->sky ? "" : " with sky=off", list);
+    BAD(b, SV_FIELD_FORMAT, "%s cannot hold layer=%s: use %s", sv_format_name(format),
+        picture_text(r, picture, sizeof picture), list);
+}
+
+/* The Accept header leaves nothing: names every media type that can hold the picture. */
+static void refuse_accept(struct build *b)
+{
+    const struct sv_view_request *r = &b->view.request;
+    char list[256] = "", picture[64];
+    for (int k = 0; k < SV_FORMAT_COUNT; k++)
+        if (can_hold((enum sv_format)k, r))
+            snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s (format=%s)", list[0] ? ", " : "",
+                     sv_format_media((enum sv_format)k), sv_format_name((enum sv_format)k));
+    sv_errors_add(b->errors, SV_EUNSUPPORTED, "Accept",
+                  "takes no format that can hold layer=%s: accept or give one of %s",
+                  picture_text(r, picture, sizeof picture), list);
 }
 
 /* By the client's word, by its Accept header among what can hold the picture, or the first that can. Layers
@@ -365,9 +388,7 @@ enum sv_problem_kind sv_api_view_rules(const struct sv_field_value *values, cons
     if (errors->total > 0)
         return SV_PROBLEM_NOT_BUILT;
     if (!b.acceptable) {
-        sv_errors_add(errors, SV_EUNSUPPORTED, "Accept",
-                      "no format that can hold this picture is acceptable: the default would be %s",
-                      sv_format_media(r->format));
+        refuse_accept(&b);
         return SV_PROBLEM_NOT_ACCEPTABLE;
     }
     *view = b.view;

@@ -330,6 +330,16 @@ static void formats(void **state)
                      r.view.negotiated);
     }
     assert_string_equal(kvp("x=1&y=2", "text/html").fields, "Accept");
+    assert_string_equal(kvp("x=1&y=2&layer=depth", "image/png").first,
+                        "takes no format that can hold layer=depth: accept or give one of image/tiff "
+                        "(format=tiff), image/x-exr (format=exr)");
+    for (int k = 0; k < SV_FORMAT_COUNT; k++) { /* any holds a picture */
+        struct result r = kvp("x=1&y=2", "text/html");
+        assert_non_null(strstr(r.first, sv_format_media((enum sv_format)k)));
+    }
+    struct result clear = kvp("x=1&y=2&sky=off", "image/jpeg");
+    assert_non_null(strstr(clear.first, "layer=color with sky=off: accept or give one of image/png"));
+    assert_null(strstr(clear.first, "jpeg"));
     assert_int_equal(kvp("x=1&y=2&relief=on", "text/html").kind, SV_PROBLEM_NOT_BUILT); /* 501 before 406 */
     assert_int_equal(kvp("x=1", "text/html").kind, SV_PROBLEM_BAD_REQUEST);
 }
