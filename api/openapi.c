@@ -260,7 +260,8 @@ static cJSON *problem_schema(bool *good)
                     "\"string\"},\"detail\":{\"type\":\"string\"}},\"required\":[\"field\",\"detail\"]}}"),
         good);
     sv_api_json_add(schema, "properties", properties, good);
-    sv_api_json_add(schema, "required", cJSON_Parse("[\"type\",\"title\",\"status\"]"), good);
+    sv_api_json_add(schema, "required", cJSON_Parse("[\"type\",\"title\",\"status\",\"detail\",\"errors\"]"),
+                    good);
     return schema;
 }
 

@@ -1,7 +1,11 @@
 /* problem.h - errors as RFC 9457 problem documents (application/problem+json), and the table of their kinds.
  *
- * A kind fixes type (a stable URN), status and title. The detail and the errors[] say what went wrong this
- * time. */
+ * A kind fixes type (a stable URN), status and title. The detail and the errors[] are in every document and
+ * say what went wrong this time and what to do about it; errors[] is empty when no field is to blame.
+ *
+ * The caller's detail goes out as it is, but for the kinds that complete it to an advice: NOT_FOUND (where to
+ * look), MEDIA_TYPE (the media type), NOT_BUILT (the call's summary), FORBIDDEN, TOO_LARGE, URI and HEADERS
+ * (what is missing or too large). */
 #ifndef SV_API_PROBLEM_H
 #define SV_API_PROBLEM_H
 
@@ -48,7 +52,7 @@ enum sv_problem_kind {
 
 struct sv_problem {
     enum sv_problem_kind kind;      /* not NONE */
-    const char *detail;             /* borrowed; NULL: made from errors, else left out */
+    const char *detail;             /* borrowed; NULL: made from errors, else what the kind advises */
     const struct sv_errors *errors; /* borrowed; NULL: none */
     const char *request_id;         /* borrowed; NULL: none. Goes out as "request_id" */
     bool has_ground_z;

@@ -37,6 +37,10 @@ static void every_kind(void **state)
         assert_memory_equal(text_of(root, "type"), "urn:silvista:problem:", 21);
         assert_string_equal(text_of(root, "type") + 21, sv_api_problem_slug(problem.kind));
         assert_string_equal(text_of(root, "title"), sv_api_problem_title(problem.kind));
+        assert_non_null(text_of(root, "detail"));
+        assert_string_not_equal(text_of(root, "detail"), text_of(root, "title")); /* says what to do */
+        const cJSON *errors = cJSON_GetObjectItemCaseSensitive(root, "errors");
+        assert_true(cJSON_IsArray(errors) && cJSON_GetArraySize(errors) == 0);
         for (int j = k + 1; j < SV_PROBLEM_KIND_COUNT; j++)
             assert_string_not_equal(sv_api_problem_slug(problem.kind),
                                     sv_api_problem_slug((enum sv_problem_kind)j));
@@ -84,6 +88,38 @@ static void members(void **state)
     sv_errors_finish(&errors);
 }
 
+/* As the dispatcher and the server's own refusals fill them in. */
+static void details_advise(void **state)
+{
+    (void)state;
+    static const struct {
+        enum sv_problem_kind kind;
+        const char *detail, *allow, *want;
+    } rows[] = {
+        {SV_PROBLEM_UNAUTHORIZED, NULL, NULL,
+         "send Authorization: Bearer TOKEN, with the service's admin_token"},
+        {SV_PROBLEM_NOT_FOUND, "/openapi.json tells what there is", NULL,
+         "check the path: /openapi.json tells what there is"},
+        {SV_PROBLEM_METHOD, NULL, "GET, HEAD, OPTIONS",
+         "send one of the methods that this path answers: GET, HEAD, OPTIONS"},
+        {SV_PROBLEM_LENGTH, NULL, NULL, "send Content-Length, or Transfer-Encoding: chunked"},
+        {SV_PROBLEM_TOO_LARGE, "the body is longer than max_body_bytes", NULL,
+         "the body is longer than max_body_bytes: send a smaller one"},
+        {SV_PROBLEM_URI, "the target is longer than max_url_bytes", NULL,
+         "the target is longer than max_url_bytes: send a view as the JSON body of POST /v1/view instead"},
+        {SV_PROBLEM_MEDIA_TYPE, "application/json", NULL, "send Content-Type: application/json"},
+        {SV_PROBLEM_NOT_BUILT, "WMS 1.1.1 and 1.3.0", NULL,
+         "this call is not built yet (WMS 1.1.1 and 1.3.0): /openapi.json marks what is"},
+        {SV_PROBLEM_OVERLOADED, "the queue is full", NULL, "the queue is full"},
+    };
+    for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
+        struct sv_problem problem = {.kind = rows[k].kind, .detail = rows[k].detail, .allow = rows[k].allow};
+        cJSON *root = document(&problem);
+        assert_string_equal(text_of(root, "detail"), rows[k].want);
+        cJSON_Delete(root);
+    }
+}
+
 static void from_status(void **state)
 {
     (void)state;
@@ -127,6 +163,7 @@ static void keys_of_the_client(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(every_kind), cmocka_unit_test(members),
-                                       cmocka_unit_test(from_status), cmocka_unit_test(keys_of_the_client)};
+                                       cmocka_unit_test(details_advise), cmocka_unit_test(from_status),
+                                       cmocka_unit_test(keys_of_the_client)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
