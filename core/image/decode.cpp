@@ -1,10 +1,11 @@
-/* decode.cpp - bytes of a picture to pixels, by OpenImageIO out of memory (WebP by libwebp: see webp.c).
+/* decode.cpp - bytes of a picture to pixels, by OpenImageIO out of memory (WebP by libwebp: webp.c; SGI:
+ * sgi.c).
  *
  * The format is told by the bytes themselves, by the extension only where there is no magic (TGA), and only
  * formats of the table are tried: OpenImageIO would otherwise offer unknown bytes to every reader it has,
  * films included. A texture comes out as straight sRGB: integers are taken as they are, floats as linear
- * light; exr's premultiplied colour is divided. The SGI reader of OpenImageIO 2.4 takes no IOProxy: it is
- * given a memfd by its path in /proc/self/fd. */
+ * light; exr's premultiplied colour is divided. Not in the table: PSD, whose reader takes gigabytes on
+ * the word of a broken header before it can be asked for its size. */
 #include "core/image/oiio.hpp"
 
 #include <cerrno>
@@ -13,7 +14,7 @@
 #include <cstring>
 
 #include <fcntl.h>
-#include <sys/mman.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -22,38 +23,43 @@ using namespace OIIO;
 namespace
 {
 
+using decoder = enum sv_status (*)(const void *, size_t, struct sv_image *, struct sv_error *);
+
 struct Reader {
     const char *plugin;
     const char *magic; /* NULL: told by extension only */
     int magic_size, magic_offset;
-    const char *extensions; /* between spaces */
+    size_t expansion; /* most bytes of pixels that a byte of file can hold: a broken header must not claim
+                         more */
+    decoder own;      /* ours; NULL: OpenImageIO's plugin */
 };
+
+/* Deflate reaches 1030; what JPEG, WebP, EXR and LZW reach is not bounded by their format, but in practice.
+ */
+constexpr size_t DENSE = 2000;
 
 const Reader readers[] = {
-    {"png", "\x89PNG\r\n\x1a\n", 8, 0, " png "},
-    {"jpeg", "\xff\xd8\xff", 3, 0, " jpg jpeg jpe jfif "},
-    {"tiff", "II*\0", 4, 0, " tif tiff "},
-    {"tiff", "MM\0*", 4, 0, " "},
-    {"tiff", "II+\0", 4, 0, " "},
-    {"tiff", "MM\0+", 4, 0, " "},
-    {"webp", "WEBP", 4, 8, " webp "},
-    {"openexr", "\x76\x2f\x31\x01", 4, 0, " exr "},
-    {"sgi", "\x01\xda", 2, 0, " sgi rgb rgba bw int inta "},
-    {"dds", "DDS ", 4, 0, " dds "},
-    {"bmp", "BM", 2, 0, " bmp dib "},
-    {"gif", "GIF8", 4, 0, " gif "},
-    {"psd", "8BPS", 4, 0, " psd "},
-    {"hdr", "#?RADIANCE", 10, 0, " hdr "},
-    {"hdr", "#?RGBE", 6, 0, " "},
-    {"pnm", "P6", 2, 0, " ppm pnm "},
-    {"pnm", "P5", 2, 0, " pgm "},
-    {"targa", nullptr, 0, 0, " tga tpic "},
+    {"png", "\x89PNG\r\n\x1a\n", 8, 0, DENSE, nullptr},
+    {"jpeg", "\xff\xd8\xff", 3, 0, DENSE, nullptr},
+    {"tiff", "II*\0", 4, 0, DENSE, nullptr},
+    {"tiff", "MM\0*", 4, 0, DENSE, nullptr},
+    {"tiff", "II+\0", 4, 0, DENSE, nullptr},
+    {"tiff", "MM\0+", 4, 0, DENSE, nullptr},
+    {"webp", "WEBP", 4, 8, 0, sv_webp_decode},
+    {"openexr", "\x76\x2f\x31\x01", 4, 0, DENSE, nullptr},
+    {"sgi", "\x01\xda", 2, 0, 0, sv_sgi_decode},
+    {"dds", "DDS ", 4, 0, 0, sv_dds_decode},
+    {"bmp", "BM", 2, 0, 400, nullptr}, /* RLE8: 2 bytes, 255 pixels of 3 */
+    {"gif", "GIF8", 4, 0, DENSE, nullptr},
+    {"hdr", "#?RADIANCE", 10, 0, 256, nullptr}, /* 2 bytes: 127 of 4 parts of 12 bytes */
+    {"hdr", "#?RGBE", 6, 0, 256, nullptr},
+    {"pnm", "P6", 2, 0, 1, nullptr},
+    {"pnm", "P5", 2, 0, 1, nullptr},
+    {"targa", nullptr, 0, 0, 0, sv_tga_decode},
 };
 
-/* Larger than this is no texture of a tree, and the limit on decoded bytes keeps a small file from asking for
- * all memory. */
+/* Larger than this is no texture. */
 constexpr size_t FILE_BYTES_MAX = (size_t)1 << 30;
-constexpr size_t PIXEL_BYTES_MAX = (size_t)2 << 30;
 
 const Reader *find_reader(const unsigned char *bytes, size_t size, const char *extension)
 {
@@ -61,58 +67,15 @@ const Reader *find_reader(const unsigned char *bytes, size_t size, const char *e
         if (r.magic && size >= (size_t)(r.magic_size + r.magic_offset) &&
             !memcmp(bytes + r.magic_offset, r.magic, (size_t)r.magic_size))
             return &r;
-    if (!extension)
-        return nullptr;
-    std::string key = " ";
-    for (const char *p = extension; *p; p++)
-        key += *p >= 'A' && *p <= 'Z' ? (char)(*p + 32) : *p;
-    key += ' ';
-    for (const Reader &r : readers)
-        if (!r.magic && strstr(r.extensions, key.c_str()))
-            return &r;
-    return nullptr;
+    bool targa = extension && (!strcasecmp(extension, "tga") || !strcasecmp(extension, "tpic"));
+    return targa ? &readers[sizeof readers / sizeof *readers - 1] : nullptr;
 }
 
-/* A file without a name that holds the bytes, for a reader that insists on a path. */
-class MemoryFile
-{
-  public:
-    MemoryFile(const void *bytes, size_t size) : fd_(memfd_create("silvista-image", MFD_CLOEXEC))
-    {
-        const char *p = (const char *)bytes;
-        while (fd_ >= 0 && size > 0) {
-            ssize_t n = write(fd_, p, size);
-            if (n <= 0) {
-                close(fd_);
-                fd_ = -1;
-                break;
-            }
-            p += n;
-            size -= (size_t)n;
-        }
-    }
-    ~MemoryFile()
-    {
-        if (fd_ >= 0)
-            close(fd_);
-    }
-    MemoryFile(const MemoryFile &) = delete;
-    MemoryFile &operator=(const MemoryFile &) = delete;
-    std::string path() const
-    {
-        return fd_ < 0 ? std::string() : "/proc/self/fd/" + std::to_string(fd_);
-    }
-
-  private:
-    int fd_;
-};
-
-/* An open picture; members die in the right order. A webp is known, but has no input. */
+/* An open picture; members die in the right order. One of our own decoders has no input. */
 struct Source {
-    std::unique_ptr<MemoryFile> file;
     std::unique_ptr<Filesystem::IOMemReader> memory;
     std::unique_ptr<ImageInput> input;
-    std::string plugin;
+    const Reader *reader = nullptr;
     size_t size = 0; /* of the bytes */
 };
 
@@ -123,53 +86,25 @@ enum sv_status open_source(const void *bytes, size_t size, const char *extension
     if (!reader)
         return sv_fail(error, SV_EFORMAT, "image", "%zu bytes of no known picture format%s%s", size,
                        extension ? ", extension " : "", extension ? extension : "");
-    source.plugin = reader->plugin;
+    source.reader = reader;
     source.size = size;
-    if (source.plugin == "webp")
+    if (reader->own)
         return SV_OK;
     source.input = ImageInput::create(reader->plugin);
     if (!source.input)
         return sv_fail(error, SV_EUNSUPPORTED, "image", "OpenImageIO has no reader for %s", reader->plugin);
-    ImageSpec spec, config;
+    source.memory = std::make_unique<Filesystem::IOMemReader>(bytes, size);
+    void *proxy = source.memory.get();
+    ImageSpec opened, config;
     config.attribute("oiio:UnassociatedAlpha", 1);
-    std::string name = std::string("memory.") + reader->plugin;
-    if (source.input->supports("ioproxy")) {
-        source.memory = std::make_unique<Filesystem::IOMemReader>(bytes, size);
-        (void)source.input->set_ioproxy(source.memory.get());
-        void *proxy = source.memory.get();
-        config.attribute("oiio:ioproxy", TypeDesc::PTR, &proxy);
-    } else {
-        source.file = std::make_unique<MemoryFile>(bytes, size);
-        name = source.file->path();
-        if (name.empty())
-            return sv_fail(error, SV_EIO, "image", "memfd: %s", strerror(errno));
-    }
-    if (!source.input->open(name, spec, config))
+    config.attribute("oiio:ioproxy", TypeDesc::PTR, &proxy);
+    if (!source.input->open(std::string("memory.") + reader->plugin, opened, config))
         return sv_fail(error, SV_EFORMAT, "image", "%s: %s", reader->plugin,
                        source.input->geterror().c_str());
+    const ImageSpec &spec = source.input->spec(); /* what is read by; the one that open gives may differ */
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.depth > 1)
         return sv_fail(error, SV_EFORMAT, "image", "%s of %d x %d x %d with %d channels", reader->plugin,
                        spec.width, spec.height, spec.depth, spec.nchannels);
-    if (spec.width > SV_DECODE_SIDE_MAX || spec.height > SV_DECODE_SIDE_MAX)
-        return sv_fail(error, SV_ELIMIT, "image", "%d x %d is over %d a side", spec.width, spec.height,
-                       SV_DECODE_SIDE_MAX);
-    return SV_OK;
-}
-
-/* No picture expands further than deflate and the like can: a few bytes that claim a gigabyte are refused
- * before it is touched. */
-constexpr size_t EXPANSION_MAX = 2000, EXPANSION_FREE_BYTES = (size_t)64 << 20;
-
-enum sv_status check_bytes(int width, int height, int channels, size_t sample, size_t file_size,
-                           struct sv_error *error)
-{
-    size_t need = (size_t)width * (size_t)height * (size_t)channels * sample;
-    if (need > PIXEL_BYTES_MAX)
-        return sv_fail(error, SV_ELIMIT, "image", "%d x %d with %d channels takes %zu bytes, over %zu", width,
-                       height, channels, need, PIXEL_BYTES_MAX);
-    if (need > EXPANSION_FREE_BYTES && need / EXPANSION_MAX > file_size)
-        return sv_fail(error, SV_ELIMIT, "image", "%zu bytes claim to hold %zu bytes of pixels", file_size,
-                       need);
     return SV_OK;
 }
 
@@ -177,7 +112,7 @@ enum sv_status read_pixels(Source &source, int first, int end, TypeDesc type, vo
                            struct sv_error *error)
 {
     if (!source.input->read_image(0, 0, first, end, type, data))
-        return sv_fail(error, SV_EFORMAT, "image", "%s: %s", source.plugin.c_str(),
+        return sv_fail(error, SV_EFORMAT, "image", "%s: %s", source.reader->plugin,
                        source.input->geterror().c_str());
     return SV_OK;
 }
@@ -350,17 +285,20 @@ enum sv_status load(Source &source, Loaded &l, struct sv_error *error)
 {
     const ImageSpec &spec = source.input->spec();
     l.channels = color_channels(spec);
+    if (l.channels.end > 16)
+        return sv_fail(error, SV_ELIMIT, "image", "colour in channel %d: over 16", l.channels.end);
     enum sv_pixel_type type = spec.channelformats.empty() ? raw_type(spec.format) : SV_PIXEL_F32;
     type = type == SV_PIXEL_U32 ? SV_PIXEL_F32 : type;
     enum sv_status status =
-        check_bytes(spec.width, spec.height, l.channels.end, sv_pixel_bytes(type), source.size, error);
+        sv_image_check_claim(spec.width, spec.height, l.channels.end, sv_pixel_bytes(type), source.size,
+                             source.reader->expansion, error);
     if (status != SV_OK)
         return status;
     status = sv_image_alloc(spec.width, spec.height, l.channels.end, type, &l.image,
                             error); /* zeros, not yet touched */
     if (status != SV_OK)
         return status;
-    l.premultiplied = source.plugin == "openexr";
+    l.premultiplied = !strcmp(source.reader->plugin, "openexr");
     return read_pixels(source, 0, l.channels.end, oiio_type(type), l.image.data, error);
 }
 
@@ -375,8 +313,9 @@ enum sv_status decode_rgba(const void *bytes, size_t size, const char *extension
     if (source.input) {
         status = load(source, l, error);
     } else {
-        status = sv_webp_decode(bytes, size, &l.image, error);
-        l.channels = {{0, 1, 2}, l.image.channels == 4 ? 3 : -1, l.image.channels};
+        status = source.reader->own(bytes, size, &l.image, error);
+        int n = l.image.channels;
+        l.channels = {{0, n < 3 ? 0 : 1, n < 3 ? 0 : 2}, n == 2 || n == 4 ? n - 1 : -1, n};
     }
     if (status == SV_OK)
         status = shrink(l, max_side, rgba, error);
@@ -390,8 +329,8 @@ enum sv_status decode_range(Source &source, int first, int end, enum sv_pixel_ty
                             struct sv_error *error)
 {
     const ImageSpec &spec = source.input->spec();
-    enum sv_status status =
-        check_bytes(spec.width, spec.height, end - first, sv_pixel_bytes(type), source.size, error);
+    enum sv_status status = sv_image_check_claim(spec.width, spec.height, end - first, sv_pixel_bytes(type),
+                                                 source.size, source.reader->expansion, error);
     if (status != SV_OK)
         return status;
     sv_image out = {};
@@ -445,6 +384,24 @@ enum sv_status read_file(const char *path, std::vector<unsigned char> &bytes, st
 }
 
 } // namespace
+
+constexpr size_t PIXEL_BYTES_MAX = (size_t)2 << 30, CLAIM_FREE_BYTES = 1 << 20;
+
+enum sv_status sv_image_check_claim(int width, int height, int channels, size_t sample_bytes,
+                                    size_t file_bytes, size_t expansion, struct sv_error *error)
+{
+    if (width > SV_DECODE_SIDE_MAX || height > SV_DECODE_SIDE_MAX)
+        return sv_fail(error, SV_ELIMIT, "image", "%d x %d is over %d a side", width, height,
+                       SV_DECODE_SIDE_MAX);
+    size_t need = (size_t)width * (size_t)height * (size_t)channels * sample_bytes;
+    if (need > PIXEL_BYTES_MAX)
+        return sv_fail(error, SV_ELIMIT, "image", "%d x %d with %d channels takes %zu bytes, over %zu", width,
+                       height, channels, need, PIXEL_BYTES_MAX);
+    if (need > CLAIM_FREE_BYTES && need / expansion > file_bytes)
+        return sv_fail(error, SV_ELIMIT, "image", "%zu bytes claim to hold %zu bytes of pixels", file_bytes,
+                       need);
+    return SV_OK;
+}
 
 enum sv_status sv_image_decode_bytes(const void *bytes, size_t size, const char *extension, int max_side,
                                      struct sv_image *rgba, bool *has_alpha, struct sv_error *error)

@@ -88,11 +88,11 @@ SV_MUST_CHECK enum sv_status sv_image_encode(const struct sv_encode_layer *layer
 /* Reads a picture file, or bytes of one, as u8 sRGB with 4 channels (grey spread, palette expanded, alpha
  * straight and 255 when absent, has_alpha (may be NULL) told), row 0 at the top; a picture with a side over
  * max_side (>= 1) is averaged down to it, in linear light weighted by alpha. Heap image. Formats: png, jpeg,
- * tiff, webp, exr, sgi (rgb), tga, dds, bmp, gif (first frame), psd, hdr, pnm, told by their bytes; extension
+ * tiff, webp, exr, sgi (rgb), tga, dds, bmp, gif (first frame), hdr, pnm, told by their bytes; extension
  * (no dot, any case, may be NULL) matters for tga only, which has no magic. 16-bit integers are taken as
  * sRGB, floats as linear. Any bytes are legal input. SV_ENOENT, SV_EIO (the file), SV_EFORMAT, SV_ELIMIT over
- * SV_DECODE_SIDE_MAX a side, files over 1 GiB, pixels over 2 GiB, or over 64 MiB and 2000 times the file;
- * SV_EINVAL (max_side), SV_ENOMEM. */
+ * SV_DECODE_SIDE_MAX a side, files over 1 GiB, pixels over 2 GiB, or more than its format can pack into its
+ * bytes (from 1 MiB on); SV_EINVAL (max_side), SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_image_decode_file(const char *path, int max_side, struct sv_image *rgba,
                                                   bool *has_alpha, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_image_decode_bytes(const void *bytes, size_t size, const char *extension,

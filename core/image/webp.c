@@ -10,6 +10,8 @@
 
 /* Chosen by measurement (table in encode.h). */
 enum { WEBP_METHOD = 1 };
+/* Flat colour without loss goes further, but no texture is that. */
+enum { EXPANSION = 2000 };
 
 static int import_pixels(WebPPicture *picture, const struct sv_image *image)
 {
@@ -66,7 +68,9 @@ enum sv_status sv_webp_decode(const void *bytes, size_t size, struct sv_image *i
     struct sv_image out;
     int channels = features.has_alpha ? 4 : 3;
     enum sv_status status =
-        sv_image_alloc(features.width, features.height, channels, SV_PIXEL_U8, &out, error);
+        sv_image_check_claim(features.width, features.height, channels, 1, size, EXPANSION, error);
+    if (status == SV_OK)
+        status = sv_image_alloc(features.width, features.height, channels, SV_PIXEL_U8, &out, error);
     if (status != SV_OK)
         return status;
     int stride = features.width * channels;

@@ -79,8 +79,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     refused++;
     if (image.data || !error.message[0] ||
         (status != SV_EFORMAT && status != SV_ELIMIT && status != SV_ENOMEM && status != SV_EUNSUPPORTED &&
-         status != SV_EINTERNAL))
+         status != SV_EINTERNAL)) {
+        fprintf(stderr, "%s: '%s'\n", sv_status_text(status), error.message);
         broken("a refusal has no reason, or left something behind");
+    }
     return 0;
 }
 

@@ -196,6 +196,30 @@ static void test_other_formats(void **state)
     expect(&image, 1, 1, 6, 5, 4, 0);
     expect(&image, 0, 0, 9, 8, 7, 128);
     sv_image_free(&image);
+    /* palette of three from index 5, run-length coded, top row first, with an id of two bytes: 5 5 5 | 7 6 5
+     */
+    static const unsigned char map[] = {2,   1,   9, 5, 0, 3, 0, 24, 0, 0, 0, 0,    3, 0, 2, 0, 8, 0x20,
+                                        'i', 'd', 1, 2, 3, 4, 5, 6,  7, 8, 9, 0x82, 5, 2, 7, 6, 5};
+    image = decode(map, sizeof map, "tga", &alpha);
+    assert_false(alpha);
+    expect(&image, 2, 0, 3, 2, 1, 255);
+    expect(&image, 0, 1, 9, 8, 7, 255);
+    expect(&image, 1, 1, 6, 5, 4, 255);
+    sv_image_free(&image);
+    unsigned char outside[sizeof map];
+    memcpy(outside, map, sizeof map);
+    outside[30] = 8; /* an index past the palette, and one before it */
+    assert_int_equal(sv_image_decode_bytes(outside, sizeof outside, "tga", 16, &image, NULL, &e), SV_EFORMAT);
+    outside[30] = 4;
+    assert_int_equal(sv_image_decode_bytes(outside, sizeof outside, "tga", 16, &image, NULL, &e), SV_EFORMAT);
+    /* 16 bits with an alpha bit, from the right: red opaque, blue clear */
+    static const unsigned char five[] = {0, 0, 2, 0, 0, 0,  0,    0,    0,    0,    0,
+                                         0, 2, 0, 1, 0, 16, 0x31, 0x00, 0xFC, 0x1F, 0x00};
+    image = decode(five, sizeof five, "tga", &alpha);
+    assert_true(alpha);
+    expect(&image, 1, 0, 255, 0, 0, 255);
+    expect(&image, 0, 0, 0, 0, 255, 0);
+    sv_image_free(&image);
     /* SGI: 2 x 2, 3 planes, bottom row first */
     unsigned char sgi[512 + 12] = {1, 0xDA, 0, 1, 0, 3, 0, 2, 0, 2, 0, 3, [19] = 255};
     for (int i = 0; i < 12; i++)
@@ -205,6 +229,17 @@ static void test_other_formats(void **state)
     expect(&image, 0, 1, 1, 41, 81, 255);
     expect(&image, 1, 0, 31, 71, 111, 255);
     sv_image_free(&image);
+    /* the same rows run-length coded: a run, then literals */
+    unsigned char rle[512 + 48 + 7] = {1, 0xDA, 1, 1, 0, 3, 0, 2, 0, 2, 0, 3, [19] = 255};
+    for (int i = 0; i < 6; i++) /* rows 0 and 1 of each channel: offset and length */
+        put32(rle + 512 + 4 * i, i % 2 ? 563 : 560), put32(rle + 536 + 4 * i, i % 2 ? 4 : 3);
+    memcpy(rle + 560, "\x02\x07\0\x82\x08\x09\0", 7);
+    image = decode(rle, sizeof rle, NULL, &alpha);
+    expect(&image, 0, 1, 7, 7, 7, 255);
+    expect(&image, 1, 0, 9, 9, 9, 255);
+    sv_image_free(&image);
+    put32(rle + 512, 565); /* a row that runs out of the file */
+    assert_int_equal(sv_image_decode_bytes(rle, sizeof rle, NULL, 16, &image, NULL, &e), SV_EFORMAT);
     /* DDS: one DXT1 block, red and black by turns */
     unsigned char dds[128 + 8] = "DDS ";
     static const struct {
@@ -220,6 +255,42 @@ static void test_other_formats(void **state)
     assert_int_equal(image.width, 4);
     expect(&image, 0, 0, 255, 0, 0, 255);
     expect(&image, 1, 3, 0, 0, 0, 255);
+    sv_image_free(&image);
+    dds[132] = 0xE4; /* 0, 1, 2, 3: two thirds, one third */
+    image = decode(dds, sizeof dds, NULL, &alpha);
+    expect(&image, 2, 0, 170, 0, 0, 255);
+    expect(&image, 3, 0, 85, 0, 0, 255);
+    sv_image_free(&image);
+    dds[128] = 0, dds[129] = 0, dds[130] = 0, dds[131] = 0xF8; /* first below second: half way, and clear */
+    image = decode(dds, sizeof dds, NULL, &alpha);
+    expect(&image, 2, 0, 127, 0, 0, 255);
+    expect(&image, 3, 0, 0, 0, 0, 0);
+    sv_image_free(&image);
+    assert_int_equal(sv_image_decode_bytes(dds, sizeof dds - 1, NULL, 16, &image, NULL, &e), SV_EFORMAT);
+    /* DXT5: alpha from 200 to 60 in sevenths; DXT3: four bits of alpha */
+    unsigned char dxt[128 + 16];
+    memcpy(dxt, dds, 128);
+    memset(dxt + 128, 0, 16);
+    dxt[87] = '5';
+    dxt[128] = 200, dxt[129] = 60, dxt[130] = 0x88, dxt[131] = 0xC6, dxt[132] = 0xFA; /* 0 1 2 3 4 5 6 7 */
+    dxt[136] = 0xE0, dxt[137] = 0x07;                                                 /* green */
+    image = decode(dxt, sizeof dxt, NULL, &alpha);
+    static const int ramp[8] = {200, 60, 180, 160, 140, 120, 100, 80};
+    for (int i = 0; i < 8; i++)
+        expect(&image, i % 4, i / 4, 0, 255, 0, ramp[i]);
+    sv_image_free(&image);
+    dxt[87] = '3';
+    image = decode(dxt, sizeof dxt, NULL, &alpha);
+    expect(&image, 0, 0, 0, 255, 0, 8 * 17);
+    expect(&image, 1, 0, 0, 255, 0, 12 * 17);
+    sv_image_free(&image);
+    /* plain, 16 bits 5:6:5 */
+    for (size_t i = 0; i < 9; i++)
+        dxt[80 + (i < 1 ? i : i + 7)] = (unsigned char)"\x40\x10\0\0\0\0\xF8\0\0"[i];
+    dxt[92] = 0, dxt[93] = 0xF8, dxt[96] = 0xE0, dxt[97] = 0x07, dxt[100] = 0x1F, dxt[104] = 0;
+    dxt[12] = 2, dxt[16] = 4, dxt[128] = 0x1F, dxt[129] = 0xF8;
+    image = decode(dxt, sizeof dxt, NULL, &alpha);
+    expect(&image, 0, 0, 255, 0, 255, 255);
     sv_image_free(&image);
 }
 
