@@ -19,9 +19,9 @@ struct sv_api_view_limits {
     uint64_t pixels_max;        /* width x height */
     uint64_t sample_pixels_max; /* samples x width x height */
 };
-#define SV_API_VIEW_LIMITS_DEFAULT                                                          \
-    {                                                                                       \
-        .pixels_max = UINT64_C(4096) * 4096, .sample_pixels_max = UINT64_C(4096) * 4096 * 4 \
+#define SV_API_VIEW_LIMITS_DEFAULT                                                      \
+    {                                                                                   \
+        .pixels_max = UINT64_C(4096) * 4096, .sample_pixels_max = UINT64_C(4096) * 4096 \
     }
 
 struct sv_api_view {

@@ -169,6 +169,18 @@ static void the_sample_reads_back_as_the_defaults(void **state)
     free(text);
 }
 
+/* A reference picture of the largest size must be drawn within the deadline, by the slowest rate seen. */
+static void the_largest_reference_picture_fits_the_deadline(void **state)
+{
+    static const double slowest_per_s = 0.6e6;
+    (void)state;
+    assert_int_equal(read_them(NULL, NULL), SV_OK);
+    assert_true(settings.max_samples_pixels >= 1024 * 1024 * 16);
+    assert_true(settings.max_samples_pixels >= settings.max_pixels); /* one sample of any legal size */
+    assert_true((double)settings.max_samples_pixels / slowest_per_s * 1e3 < (double)settings.deadline_ms);
+    assert_true(settings.deadline_max_ms >= settings.deadline_ms);
+}
+
 static void a_run_needs_a_scene_and_both_tls_files(void **state)
 {
     (void)state;
@@ -194,6 +206,7 @@ int main(void)
         cmocka_unit_test(an_unknown_key_is_no_missing_value),
         cmocka_unit_test(commands_are_read),
         cmocka_unit_test(the_sample_reads_back_as_the_defaults),
+        cmocka_unit_test(the_largest_reference_picture_fits_the_deadline),
         cmocka_unit_test(a_run_needs_a_scene_and_both_tls_files),
     };
     return cmocka_run_group_tests(tests, NULL, finish);
