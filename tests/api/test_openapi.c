@@ -92,6 +92,15 @@ static void every_field(void **state)
         check_schema((enum sv_field_id)k, get(parameter, "schema"));
         check_schema((enum sv_field_id)k, get(properties, name));
     }
+    /* What is legal beside other keys and then changes nothing. */
+    static const char *const ignored[][2] = {{"vfov", "ignored with projection=orthographic"},
+                                             {"q", "ignored with png, tiff and exr"}};
+    for (size_t k = 0; k < sizeof ignored / sizeof ignored[0]; k++)
+        for (int body = 0; body < 2; body++) {
+            const cJSON *row = body ? get(properties, ignored[k][0]) : component("parameters", ignored[k][0]);
+            const char *says = cJSON_GetStringValue(get(row, "description"));
+            assert_true(says && strstr(says, ignored[k][1]));
+        }
     /* GET /v1/view names all of them. */
     const cJSON *list = get(get(get(get(root, "paths"), "/v1/view"), "get"), "parameters");
     assert_int_equal(cJSON_GetArraySize(list), SV_FIELD_COUNT);
