@@ -52,7 +52,9 @@ static char *find_name(OGRSpatialReferenceH srs)
     int matches = 0, *confidence = NULL;
     OGRSpatialReferenceH *found = OSRFindMatches(srs, NULL, &matches, &confidence);
     text[0] = '\0';
-    if (matches > 0 && confidence[0] >= MATCH_CONFIDENCE && OSRGetAuthorityCode(found[0], NULL))
+    /* Several systems may fit a definition without a datum of its own equally well: then none of them is its name. */
+    bool sole = matches > 0 && (matches == 1 || confidence[1] < confidence[0]);
+    if (sole && confidence[0] >= MATCH_CONFIDENCE && OSRGetAuthorityCode(found[0], NULL))
         snprintf(text, sizeof text, "%s:%s", OSRGetAuthorityName(found[0], NULL),
                  OSRGetAuthorityCode(found[0], NULL));
     OSRFreeSRSArray(found);

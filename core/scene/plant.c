@@ -135,7 +135,8 @@ static void plant_point(struct planting *p, const struct sv_points_spec *s, cons
     double h = q->height_m;
     bool absurd = !(h > 0 && h <= SV_TREE_HEIGHT_MAX_M);
     h = absurd ? s->default_height_m : h;
-    if (h < s->min_height_m || h < SV_TREE_HEIGHT_MIN_M) {
+    /* min_height_m judges what was measured; a tree without a height stands at the default. */
+    if ((!absurd && h < s->min_height_m) || h < SV_TREE_HEIGHT_MIN_M) {
         tally->low++;
         return;
     }

@@ -112,8 +112,9 @@ static int species_named(struct sv_value_reader *r, const char *name)
     char known[200] = "";
     size_t used = 0;
     for (int k = 0; k < r->spec->species_count && used < 140; k++)
-        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", k ? ", " : "",
-                                 sv_value_show(r->spec->species[k].name).text);
+        if (r->spec->species[k].name[0])
+            used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "",
+                                     sv_value_show(r->spec->species[k].name).text);
     sv_value_complain(r, SV_EINVAL, "no species is named \"%s\"; there %s %s", sv_value_show(name).text,
                       r->spec->species_count == 1 ? "is" : "are", used ? known : "none");
     return -1;

@@ -217,6 +217,9 @@ enum sv_status sv_view_resolve(const struct sv_scene *scene, const struct sv_vie
     struct sv_resolved_view view;
     memset(&view, 0, sizeof view); /* padding too: the struct is hashed and sent as bytes */
     enum sv_status status = resolve_plan(request, &view.plan, error);
+    if (!status && request->north_true && sv_crs_is_local(scene->crs))
+        status = sv_fail(error, SV_EINVAL, "north",
+                         "the scene has no place on Earth (its CRS is local): north=true has no meaning; use grid");
     if (!status)
         status = resolve_eye(scene, request, &view, ground_z, error);
     if (!status)
