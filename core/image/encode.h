@@ -1,29 +1,33 @@
 /* encode.h - pictures to bytes and back, by OpenImageIO behind C (encode.cpp and decode.cpp let no exception
- * out).
+ * out); WebP by libwebp, and SGI, TGA and DDS by readers of our own.
  *
  * sv_image_init first, before any fork: OpenImageIO threads=1, exr_threads=-1, so that forked children can
- * encode (tested). All calls are stateless; one thread at a time. Nothing here prints (libpng has a
- * line on standard error for a damaged PNG). Equal input gives
- * equal bytes: no file carries a time.
+ * encode (tested). All calls are stateless; one thread at a time. Nothing here prints (libpng itself has a
+ * line on standard error for a damaged PNG). Equal input gives equal bytes: no file carries a time.
  *
- * Settings, chosen by `tests/core/image/sweep_encode 512` (made-up landscape) and with a forest photo
- * stretched to 512 (second figures); best of five on one core of a shared 2-core x86-64 machine; ms and kB.
- * OpenImageIO 2.4.7, libwebp 1.2.4: jpeg  q85 4:2:0 baseline            1.5   51 |   2.2  121   chosen below
- * q90 (4:4:4 from there on) q85 4:4:4                     1.6   61 |   3.3  144 progressive
- * 4:2:0             8.8   47 |    16  111 png   default (level 6)              56  230 |    67  494 level 1,
- * filter up             10  249 |    30  473   chosen level 1, no filter             12  236 |    28  491
- *   webp  OpenImageIO's only form (m6)  103   40 |   167  117   webp:method has no effect: the same bytes
- *         libwebp method 0              9.6   67 |    27  122
- *         libwebp method 1               13   48 |    22  121   chosen, by libwebp itself (webp.c)
- *         libwebp method 4               36   42 |    52  118
- *   tiff  default (zip 6)                44  242 |    61  489
- *         zip, tiff:zipquality 1         10  250 |    26  496   chosen; float depth: 14 ms, 341 kB of 1049
- *         lzw                            14  264 |    21  716
- *   exr   half RGB: zip 1                35  749 |    35  884
- *         half RGB: piz                  26  370 |    27  593   chosen when all channels are half
- *         float depth: piz 55 ms, 576 kB; rle 7 ms, 895 kB; zip 1 22 to 32 ms, 673 kB: chosen for all else;
- * u32 ids 4.6 ms, 19 kB
- */
+ * Settings, chosen by `tests/core/image/sweep_encode 512` (a made-up landscape), and with a forest photo
+ * stretched to 512 (second pair); best of five on one core of a shared 2-core x86-64 machine, OpenImageIO
+ * 2.4.7, libwebp 1.2.4. ms and kB:
+ *   jpeg  q85 4:2:0 baseline             1.5   51 |  2.2  121   chosen (4:4:4 from q90 on)
+ *         q85 4:4:4                      1.6   61 |  3.3  144
+ *         q85 4:2:0 progressive          8.8   47 |   16  111
+ *   png   default (level 6)               56  230 |   67  494
+ *         level 1, filter up              10  249 |   30  473   chosen
+ *         level 1, no filter              12  236 |   28  491
+ *   webp  q85 by OpenImageIO             103   40 |  167  117   always method 6, whatever webp:method says
+ *         q85 libwebp method 0           9.6   67 |   27  122
+ *         q85 libwebp method 1            13   48 |   22  121   chosen, by libwebp itself (webp.c)
+ *         q85 libwebp method 4            36   42 |   52  118
+ *   tiff  default (zip 6)                 44  242 |   61  489
+ *         zip, tiff:zipquality 1          10  250 |   26  496   chosen
+ *         lzw                             14  264 |   21  716
+ *         float depth: zip 1              14  341               chosen; none 1.3 and 1049
+ *   exr   half RGB: piz                   26  370 |   27  593   chosen when all channels are half
+ *         half RGB: zip 1                 35  749 |   35  884
+ *         float depth: zip 1              32  673               chosen for all else
+ *         float depth: piz                62  576
+ *         float depth: rle                 7  895
+ *         u32 ids: zip 1                 4.6   19               chosen; piz 20 and 59 */
 #ifndef SV_IMAGE_ENCODE_H
 #define SV_IMAGE_ENCODE_H
 
@@ -73,14 +77,16 @@ struct sv_encode_options {
 };
 
 /* Encodes layers (1 .. SV_ENCODE_LAYERS_MAX, equal sizes; several only for exr) into fresh heap bytes (caller
- * frees). What a format holds: jpeg  u8, 1 or 3 channels (a fourth would be lost: refused), sides to 65500
+ * frees). What a format holds:
+ *   jpeg  u8, 1 or 3 channels (a fourth would be lost: refused), sides to 65500
  *   png   u8, u16, 1 to 4 channels (grey, grey and alpha, RGB, RGBA)
  *   webp  u8, 3 or 4 channels, sides to 16383; colour is lossy, alpha exact
  *   tiff  u8, u16, u32, f32; u8 and u16 of 2 or 4 channels: the last is alpha
- *   exr   u8 (sRGB: stored as linear half; with 2 or 4 channels the last is alpha, and colour is multiplied
- * by it, as exr demands), u32 and f32 as they are; each channel keeps its own type Alpha is straight in all
- * but exr; NaN and infinities pass through f32. SV_EUNSUPPORTED: the format cannot hold it, the message says
- * what; SV_EINVAL: quality, names, sizes, geo tags; SV_ELIMIT: too large for the format; SV_ENOMEM. */
+ *   exr   u8 (sRGB, stored as linear half; of 2 or 4 channels the last is alpha, and colour is multiplied
+ *         by it, as exr demands), u32 and f32 as they are; each channel keeps its own type
+ * Alpha is straight in all but exr; NaN and infinities pass through f32.
+ * SV_EUNSUPPORTED: the format cannot hold it, the message says what; SV_EINVAL: quality, names, sizes, geo
+ * tags; SV_ELIMIT: too large for the format; SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_image_encode(const struct sv_encode_layer *layers, int count,
                                              const struct sv_encode_options *options, void **bytes,
                                              size_t *size, struct sv_error *error);

@@ -1,6 +1,5 @@
-/* private.h - the parts of core/image among themselves: WebP by libwebp, SGI, TGA, DDS, tags added to a
- * finished TIFF.
- */
+/* private.h - the parts of core/image among themselves: WebP by libwebp, our own readers of SGI, TGA and DDS,
+ * tags added to a finished TIFF. */
 #ifndef SV_IMAGE_PRIVATE_H
 #define SV_IMAGE_PRIVATE_H
 

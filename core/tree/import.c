@@ -3,9 +3,10 @@
  *
  * Node transforms are applied in double (COLLADA's up axis and unit live there); an FBX that says Z is up is
  * turned, since assimp 5.2.5 does not. A mirrored node turns its triangles' winding back. glTF colours are
- * linear factors; all other formats mean sRGB, and there a plain grey on a textured material is the
- * exporter's default (Blender writes 0.8, 3ds Max 0.588), not a tint: it counts as white. What is not a
- * triangle is left out. assimp's post-processing joins equal vertices and applies texture transforms. */
+ * linear factors, and so are Blender's in any format (it writes its own values down); all others are sRGB.
+ * Outside of glTF a plain grey on a textured material is the exporter's default (Blender 0.8, 3ds Max 0.588),
+ * not a tint: it counts as white. What is not a triangle is left out. assimp's post-processing joins equal
+ * vertices and applies texture transforms. */
 #include "core/tree/import.h"
 
 #include <ctype.h>

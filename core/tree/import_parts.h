@@ -1,9 +1,9 @@
 /* import_parts.h - the stations of an import, private to core/tree/import*.c.
  *
- *   import.c          assimp's scene -> struct raw_model: triangles in the file's world (Y up), materials,
- * names import_texture.c  texture files and embedded ones -> RGBA, opacity maps put into alpha, colour spread
- * under alpha 0 import_leaves.c   which materials, or parts of them, are leaves; how many leaves there are
- *   import_shape.c    frame, trunk axis, height 1, normals, one copy of each vertex -> struct sv_tree_mesh */
+ *   import.c          assimp's scene -> struct raw_model: triangles in the file's world, materials, names
+ *   import_texture.c  textures -> RGBA, opacity maps put into alpha, colour spread under alpha 0
+ *   import_leaves.c   which materials, or parts of them, are leaves; how many leaves there are
+ *   import_shape.c    frame, trunk axis, normals, each vertex once -> struct sv_tree_mesh */
 #ifndef SV_TREE_IMPORT_PARTS_H
 #define SV_TREE_IMPORT_PARTS_H
 

@@ -1,3 +1,5 @@
+/* picture.c - value noise and two ridges; nothing but integers hashed to floats, so equal on every machine.
+ */
 #include "tests/core/image/picture.h"
 
 #include <math.h>
