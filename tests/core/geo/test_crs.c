@@ -54,6 +54,36 @@ static void names(void **state)
     sv_crs_destroy(NULL);
 }
 
+/* A definition without a datum fits every system on its ellipsoid: one that is alone is meant, of two
+ * neither. */
+static void no_name_by_a_guess(void **state)
+{
+    (void)state;
+    struct sv_crs *two =
+        make("PROJCS[\"UTM Zone 25, Southern Hemisphere\",GEOGCS[\"GRS 1980\",DATUM[\"unknown\","
+             "SPHEROID[\"GRS80\",6378137,298.257222101]],PRIMEM[\"Greenwich\",0],"
+             "UNIT[\"degree\",0.0174532925199433]],PROJECTION[\"Transverse_Mercator\"],"
+             "PARAMETER[\"latitude_of_origin\",0],PARAMETER[\"central_meridian\",-33],"
+             "PARAMETER[\"scale_factor\",0.9996],PARAMETER[\"false_easting\",500000],"
+             "PARAMETER[\"false_northing\",10000000],UNIT[\"metre\",1]]");
+    assert_string_equal(sv_crs_name(two), "UTM Zone 25, Southern Hemisphere");
+    assert_int_equal(sv_crs_epsg(two), 0);
+    struct sv_crs *sirgas = make("EPSG:31985"); /* its numbers are the same, whatever its name */
+    const double extent[4] = {288776, 9110729, 298723, 9120761};
+    assert_true(sv_crs_agrees(two, sirgas, extent));
+    sv_crs_destroy(two);
+    two = make(
+        "PROJCS[\"mine\",GEOGCS[\"SIRGAS 2000\",DATUM[\"Sistema_de_Referencia_Geocentrico_para_las_AmericaS_"
+        "2000\",SPHEROID[\"GRS 1980\",6378137,298.257222101]],PRIMEM[\"Greenwich\",0],"
+        "UNIT[\"degree\",0.0174532925199433]],PROJECTION[\"Transverse_Mercator\"],"
+        "PARAMETER[\"latitude_of_origin\",0],PARAMETER[\"central_meridian\",-33],"
+        "PARAMETER[\"scale_factor\",0.9996],PARAMETER[\"false_easting\",500000],"
+        "PARAMETER[\"false_northing\",10000000],UNIT[\"metre\",1]]");
+    assert_int_equal(sv_crs_epsg(two), 31985); /* its datum says which */
+    sv_crs_destroy(two);
+    sv_crs_destroy(sirgas);
+}
+
 static void refusals(void **state)
 {
     (void)state;
@@ -276,13 +306,10 @@ static int set_up(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(names),
-        cmocka_unit_test(refusals),
-        cmocka_unit_test(published_places),
-        cmocka_unit_test(axis_order),
-        cmocka_unit_test(no_change_is_exact),
-        cmocka_unit_test(convergence),
-        cmocka_unit_test(feet),
+        cmocka_unit_test(names),       cmocka_unit_test(no_name_by_a_guess),
+        cmocka_unit_test(refusals),    cmocka_unit_test(published_places),
+        cmocka_unit_test(axis_order),  cmocka_unit_test(no_change_is_exact),
+        cmocka_unit_test(convergence), cmocka_unit_test(feet),
         cmocka_unit_test(after_fork),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);

@@ -82,7 +82,9 @@ static void elevations(void **state)
         {"dem/pycrown_dsm_1m_nztm.tif", "GTiff", "EPSG:2193", NULL, 278, 195, 0, 460.6, 690.4, 0.1},
         {"dem/scbi_10m_utm17n.tif", "GTiff", "EPSG:26917", NULL, 75, 97, 0, 262, 364, 0},
         {"dem/bei_elev_5m_local.tif", "GTiff", "local", NULL, 201, 101, 0, 119.81, 159.48, 0.01},
-        {"dem/olinda_srtm_utm25s.tif", "GTiff", NULL, NULL, 111, 111, 0, -1, 88, 0},
+        /* fits SIRGAS 1995 and 2000 alike, so that neither code is its name */
+        {"dem/olinda_srtm_utm25s.tif", "GTiff", "UTM Zone 25, Southern Hemisphere", NULL, 111, 111, 0, -1, 88,
+         0},
         {"dem/vinschgau_250m_utm32n.tif", "GTiff", "EPSG:32632", NULL, 252, 194, 445, 388, 3863, 0},
     };
     for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
