@@ -184,14 +184,16 @@ struct sv_points {
     char **names; /* distinct species names of the data, in order of appearance, UTF-8, blanks around them cut
                      off; heap */
     size_t name_count;
-    uint64_t skipped; /* features without a usable point (empty geometry, not a number, not transformable) */
+    uint64_t skipped; /* features without a usable point (empty geometry, a line, not a number, not
+                         transformable) */
     bool crs_suspect; /* no crs was given, the file says degrees (GeoJSON always does), but more than a tenth
                          of its coordinates cannot be degrees, or it is GeoJSON and the scene is local: it was
                          read as the scene's own metres */
 };
 
 /* Reads points from CSV (comma, semicolon, tab; BOM; .txt and .dat too) or the first layer with geometry of
- * whatever OGR opens: points, each member of multi-points and collections, polygons and lines by centroid.
+ * whatever OGR opens: points, each member of multi-points and collections, polygons by centroid; a
+ * line is no place.
  * Columns are found by their exact name, else without regard to case. Numbers in text may have a decimal
  * comma; "12 m", "NA", "inf" are no numbers. At most SV_FOREST_TREES_MAX points. No point at all is SV_OK
  * with count 0. SV_ENOENT (file, column), SV_EFORMAT, SV_EINVAL (filter, crs), SV_EUNSUPPORTED (a place on

@@ -4,8 +4,9 @@
  * A CSV gives its places by two columns (or, as OGR does, by a column WKT); its columns stay text unless an
  * attribute filter needs types, and each number is judged by itself: "12.5 m" is no height, "12,5" is one.
  * Other files give theirs by geometry: points, each member of multi-points and collections, and the centroid
- * of everything else (tree crowns). Two passes over memory, one over the file: raw coordinates first, since
- * only all of them together tell whether "degrees" can be degrees (layer.h), then the transform in bulk. */
+ * of everything with an area (tree crowns). A line is no place of a tree: it counts as skipped. Two passes
+ * over memory, one over the file: raw coordinates first, since only all of them together tell whether
+ * "degrees" can be degrees (layer.h), then the transform in bulk. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -168,6 +169,10 @@ static enum sv_status add_geometry(struct reading *r, OGRGeometryH g, const stru
         for (int k = 0; k < count && status == SV_OK; k++)
             status = add_geometry(r, OGR_G_GetGeometryRef(g, k), attributes, error);
         return status;
+    }
+    if (OGR_G_GetDimension(g) < 2) {
+        r->skipped++;
+        return SV_OK;
     }
     OGRGeometryH centre = OGR_G_CreateGeometry(wkbPoint);
     enum sv_status status = SV_OK;

@@ -139,13 +139,16 @@ static void csv_dialects(void **state)
         VSIUnlink(names[k]);
     }
     /* a column of well-known text instead of x and y */
-    write_text(CSV, "WKT,h\n\"POINT (1 2)\",3\n\"MULTIPOINT ((4 5),(6 7))\",8\n,9\n\"POLYGON ((0 0,10 0,10 "
-                    "10,0 10,0 0))\",1\n");
+    write_text(
+        CSV, "WKT,h\n\"POINT (1 2)\",3\n\"MULTIPOINT ((4 5),(6 7))\",8\n,9\n\"POLYGON ((0 0,10 0,10 "
+             "10,0 10,0 0))\",1\n\"LINESTRING (0 0,10 10)\",2\n\"MULTILINESTRING ((0 0,1 1),(2 2,3 3))\",2\n"
+             "\"GEOMETRYCOLLECTION (LINESTRING (0 0,1 1),POINT (8 9))\",4\n");
     p = read_points(&(struct sv_points_options){.path = CSV, .height = "h"}, NULL);
-    assert_int_equal(p.count, 4);
+    assert_int_equal(p.count, 5);
     point_is(&p.items[2], 6, 7, 8, NONE);
     point_is(&p.items[3], 5, 5, 1, NONE);
-    assert_int_equal(p.skipped, 1);
+    point_is(&p.items[4], 8, 9, 4, NONE);
+    assert_int_equal(p.skipped, 4); /* no geometry, and three lines */
     sv_points_finish(&p);
     VSIUnlink(CSV);
 }
