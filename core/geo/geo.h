@@ -197,7 +197,9 @@ struct sv_points {
  * Columns are found by their exact name, else without regard to case. Numbers in text may have a decimal
  * comma; "12 m", "NA", "inf" are no numbers. At most SV_FOREST_TREES_MAX points. No point at all is SV_OK
  * with count 0. SV_ENOENT (file, column), SV_EFORMAT, SV_EINVAL (filter, crs), SV_EUNSUPPORTED (a place on
- * Earth and a local scene), SV_ELIMIT, SV_EIO (the file breaks off), SV_ENOMEM. */
+ * Earth and a local scene), SV_ELIMIT, SV_EIO (the file breaks off), SV_ENOMEM. The error's field is the
+ * scene file's key that is at fault (x, y, species, height_m, rotation_deg, where, crs; the first one when
+ * several columns are missing, all of which the message names), else the path. */
 SV_MUST_CHECK enum sv_status sv_points_read(const struct sv_points_options *options,
                                             const struct sv_crs *scene_crs, struct sv_points *points,
                                             struct sv_error *error);

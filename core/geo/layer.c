@@ -204,7 +204,7 @@ enum sv_status sv_layer_transform(const struct sv_layer *layer, const char *path
     status = sv_crs_transform_create(own && !odd ? own : scene_crs, scene_crs, transform, &why);
     sv_crs_destroy(own);
     if (status != SV_OK)
-        return sv_fail(error, status, path, "%s: %s", path, why.message);
+        return sv_fail(error, status, given ? "crs" : path, "%s: %s", path, why.message);
     *suspect = odd;
     return SV_OK;
 }

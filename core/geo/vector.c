@@ -8,6 +8,7 @@
  * over memory, one over the file: raw coordinates first, since only all of them together tell whether
  * "degrees" can be degrees (layer.h), then the transform in bulk. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -94,37 +95,46 @@ struct reading {
     uint64_t skipped;
 };
 
-static enum sv_status no_column(const struct reading *r, const char *name, struct sv_error *error)
-{
-    char names[256];
-    sv_layer_field_names(&r->layer, names, sizeof names);
-    return sv_fail(error, SV_ENOENT, r->options->path, "%s: has no column \"%s\"; its columns are: %s",
-                   r->options->path, name, names);
-}
-
+/* Finds every column that a key of the scene file names; one error tells of all that are not there. */
 static enum sv_status find_columns(struct reading *r, struct sv_error *error)
 {
     const struct sv_points_options *o = r->options;
-    r->x = r->y = r->species = r->height = r->rotation = -1;
+    bool by_columns = !r->layer.has_geometry || (r->layer.is_csv && (o->x || o->y));
     const struct {
-        const char *name;
+        const char *key, *name;
         int *field;
-    } wanted[] = {{o->species, &r->species}, {o->height, &r->height}, {o->rotation, &r->rotation}};
+    } wanted[] = {{"x",
+                   !by_columns ? NULL
+                   : o->x      ? o->x
+                               : "x",
+                   &r->x},
+                  {"y",
+                   !by_columns ? NULL
+                   : o->y      ? o->y
+                               : "y",
+                   &r->y},
+                  {"species", o->species, &r->species},
+                  {"height_m", o->height, &r->height},
+                  {"rotation_deg", o->rotation, &r->rotation}};
+    const char *first = NULL;
+    char missing[1024] = "", names[256]; /* sv_fail cuts the message earlier, and at a character */
+    size_t used = 0;
     for (size_t k = 0; k < sizeof wanted / sizeof wanted[0]; k++) {
-        if (!wanted[k].name)
+        *wanted[k].field = wanted[k].name ? sv_layer_field(&r->layer, wanted[k].name) : -1;
+        if (!wanted[k].name || *wanted[k].field >= 0)
             continue;
-        *wanted[k].field = sv_layer_field(&r->layer, wanted[k].name);
-        if (*wanted[k].field < 0)
-            return no_column(r, wanted[k].name, error);
+        int n = snprintf(missing + used, sizeof missing - used, "%s\"%s\" (%s)", first ? ", " : "",
+                         wanted[k].name, wanted[k].key);
+        first = first ? first : wanted[k].key;
+        if (n < 0 || (size_t)n >= sizeof missing - used)
+            break;
+        used += (size_t)n;
     }
-    if (r->layer.has_geometry && !(r->layer.is_csv && (o->x || o->y)))
+    if (!first)
         return SV_OK;
-    const char *x = o->x ? o->x : "x", *y = o->y ? o->y : "y";
-    r->x = sv_layer_field(&r->layer, x);
-    r->y = sv_layer_field(&r->layer, y);
-    if (r->x < 0 || r->y < 0)
-        return no_column(r, r->x < 0 ? x : y, error);
-    return SV_OK;
+    sv_layer_field_names(&r->layer, names, sizeof names);
+    return sv_fail(error, SV_ENOENT, first, "%s: has no column %s; its columns are: %s", o->path, missing,
+                   names);
 }
 
 static enum sv_status add_point(struct reading *r, double x, double y, const struct sv_point *attributes,

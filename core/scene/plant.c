@@ -227,6 +227,20 @@ static bool any_uncovered(const struct sv_points *points, const int *species)
     return false;
 }
 
+/* An error of the points' file, under the key that it belongs to. */
+static void fail_points(const struct planting *p, int entry, const struct sv_error *error)
+{
+    static const char *const keys[] = {"x", "y", "species", "height_m", "rotation_deg", "where", "crs"};
+    struct sv_error plain = *error;
+    for (size_t k = 0; k < sizeof keys / sizeof keys[0]; k++)
+        if (strcmp(error->field, keys[k]) == 0) {
+            plain.field[0] = '\0';
+            sv_loading_fail(p->l, &plain, "forest[%d].%s", entry, keys[k]);
+            return;
+        }
+    sv_loading_fail(p->l, error, "forest[%d].points", entry);
+}
+
 static bool plant_points(struct planting *p, int entry, const struct sv_points_spec *s)
 {
     const struct sv_points_options options = {s->points,  s->crs,    s->x,        s->y,
@@ -236,7 +250,7 @@ static bool plant_points(struct planting *p, int entry, const struct sv_points_s
     int *species = NULL;
     bool ok = false;
     if (sv_points_read(&options, p->l->scene->crs, &points, &error) != SV_OK) {
-        sv_loading_fail(p->l, &error, "forest[%d].points", entry);
+        fail_points(p, entry, &error);
         return false;
     }
     if (!(species = resolve_names(p->l->spec, s, &points, &error)) || !make_room(p, points.count, &error)) {

@@ -59,6 +59,20 @@ static void refused(const struct sv_points_options *o, const char *scene, enum s
     sv_crs_destroy(crs);
 }
 
+/* As refused, and the error belongs to that key. */
+static void refused_key(const struct sv_points_options *o, const char *scene, enum sv_status expected,
+                        const char *key, const char *word)
+{
+    struct sv_crs *crs = NULL;
+    struct sv_points p = {0};
+    struct sv_error error = {0};
+    refused(o, scene, expected, word);
+    assert_int_equal(scene ? sv_crs_create(scene, &crs, NULL) : sv_crs_create_local(&crs, NULL), SV_OK);
+    assert_int_equal(sv_points_read(o, crs, &p, &error), expected);
+    assert_string_equal(error.field, key);
+    sv_crs_destroy(crs);
+}
+
 static void point_is(const struct sv_point *p, double x, double y, double height, uint32_t species)
 {
     if (p->x != x || p->y != y || p->species != species ||
@@ -157,19 +171,24 @@ static void csv_errors(void **state)
 {
     (void)state;
     write_text(CSV, "lon,lat,dbh\n1,2,3\n4,5,60\n");
-    refused(&(struct sv_points_options){.path = CSV}, NULL, SV_ENOENT,
-            "\"x\"; its columns are: lon, lat, dbh");
-    refused(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "north"}, NULL, SV_ENOENT, "\"north\"");
-    refused(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .species = "kind"}, NULL,
-            SV_ENOENT, "\"kind\"");
-    refused(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .where = "dbh >"}, NULL,
-            SV_EINVAL, "dbh >");
-    refused(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .where = "height > 3"}, NULL,
-            SV_EINVAL, "height");
-    refused(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .crs = "EPSG:0"}, "EPSG:32632",
-            SV_EINVAL, "EPSG:0");
-    refused(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .crs = "EPSG:4326"}, NULL,
-            SV_EUNSUPPORTED, "local");
+    refused_key(&(struct sv_points_options){.path = CSV}, NULL, SV_ENOENT, "x",
+                "no column \"x\" (x), \"y\" (y); its columns are: lon, lat, dbh");
+    refused_key(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "north"}, NULL, SV_ENOENT, "y",
+                "no column \"north\" (y); its");
+    refused_key(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .species = "kind"}, NULL,
+                SV_ENOENT, "species", "no column \"kind\" (species); its");
+    refused_key(
+        &(struct sv_points_options){
+            .path = CSV, .x = "lon", .y = "north", .species = "dbh", .height = "h", .rotation = "turn"},
+        NULL, SV_ENOENT, "y", "no column \"north\" (y), \"h\" (height_m), \"turn\" (rotation_deg); its");
+    refused_key(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .where = "dbh >"}, NULL,
+                SV_EINVAL, "where", "dbh >");
+    refused_key(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .where = "height > 3"}, NULL,
+                SV_EINVAL, "where", "height");
+    refused_key(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .crs = "EPSG:0"},
+                "EPSG:32632", SV_EINVAL, "crs", "EPSG:0");
+    refused_key(&(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .crs = "EPSG:4326"}, NULL,
+                SV_EUNSUPPORTED, "crs", "local");
     refused(&(struct sv_points_options){.path = "/vsimem/none.csv"}, NULL, SV_ENOENT, "no such file");
     struct sv_points p = read_points(
         &(struct sv_points_options){.path = CSV, .x = "lon", .y = "lat", .where = "dbh > 10 AND lon < 100"},

@@ -308,10 +308,23 @@ static void test_errors(void **state)
                 "{\"scatter\":{\"count\":5,\"within\":\"bad.json\"}}]}");
     assert_int_equal(status, w->errors.items[0].code);
     assert_int_equal(w->errors.total, 2);
-    assert_string_equal(w->errors.items[0].field, "forest[0].points");
+    assert_string_equal(w->errors.items[0].field, "forest[0].x");
     assert_string_equal(w->errors.items[1].field, "forest[1].scatter.within");
     assert_non_null(strstr(w->errors.items[0].message, w->scene));
-    assert_non_null(strstr(w->errors.items[0].message, "bad.csv"));
+    assert_non_null(strstr(w->errors.items[0].message, "bad.csv: has no column \"x\" (x), \"y\" (y); its"));
+    /* each under its key, several columns in one go */
+    status = load(w, "{" TERRAIN "," SPECIES ",\"forest\":["
+                     "{\"points\":\"t.csv\",\"height_m\":\"h\",\"rotation_deg\":\"r\"},"
+                     "{\"points\":\"t.csv\",\"where\":\"dbh > 2\"},"
+                     "{\"points\":\"t.csv\",\"crs\":\"EPSG:4326\"},"
+                     "{\"points\":\"bad.tif\"}]}");
+    assert_int_equal(status, SV_ENOENT);
+    static const char *const fields[] = {"forest[0].height_m", "forest[1].where", "forest[2].crs",
+                                         "forest[3].points"};
+    assert_int_equal(w->errors.total, 4);
+    for (size_t k = 0; k < 4; k++)
+        assert_string_equal(w->errors.items[k].field, fields[k]);
+    assert_non_null(strstr(w->errors.items[0].message, "\"h\" (height_m), \"r\" (rotation_deg)"));
     assert_int_not_equal(
         load(w, "{" TERRAIN
                 ",\"species\":[{\"name\":\"a\",\"model\":\"bad.obj\"},{\"name\":\"b\",\"model\":\"t.csv\"}],"
