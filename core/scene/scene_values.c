@@ -250,6 +250,23 @@ static void complain_unknown(struct sv_value_reader *r, const struct sv_value_se
     sv_value_leave(r, at);
 }
 
+/* What a key wants, as its row says it: "a number of metres, 0.01 .. 10000". */
+static void complain_missing(struct sv_value_reader *r, const struct sv_value_field *f)
+{
+    static const char *const units[][2] = {{"m", "metres"}, {"deg", "degrees"}};
+    const char *unit = f->unit, *article = strchr("aeiou", f->type[0]) ? "an" : "a";
+    for (size_t k = 0; k < sizeof units / sizeof units[0]; k++)
+        unit = strcmp(f->unit, units[k][0]) == 0 ? units[k][1] : unit;
+    if (strcmp(f->type, "number") == 0 || strcmp(f->type, "integer") == 0)
+        sv_value_complain(r, SV_EINVAL, "is missing; it must be %s %s%s%s, %s .. %s", article, f->type,
+                          *unit ? " of " : "", unit, digits(f->min).text, digits(f->max).text);
+    else if (strcmp(f->type, "string") == 0 && f->max > 0)
+        sv_value_complain(r, SV_EINVAL, "is missing; it must be a string of %.15g .. %.15g bytes", f->min,
+                          f->max);
+    else
+        sv_value_complain(r, SV_EINVAL, "is missing; it must be %s %s", article, f->type);
+}
+
 void sv_value_section(struct sv_value_reader *r, const cJSON *json, const struct sv_value_section *s,
                       void *base)
 {
@@ -276,7 +293,7 @@ void sv_value_section(struct sv_value_reader *r, const cJSON *json, const struct
         const struct sv_value_field *f = &s->fields[k];
         size_t at = sv_value_enter_key(r, f->key);
         if (!found[k] && f->required)
-            sv_value_complain(r, SV_EINVAL, "is missing; it must be %s", f->type);
+            complain_missing(r, f);
         f->read(r, found[k], f, base);
         sv_value_leave(r, at);
     }
