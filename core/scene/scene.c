@@ -118,9 +118,10 @@ static bool load_all(struct sv_loading *l)
     if (spec->object_count > 0)
         sv_loading_note(l, 1, "objects: %d checked and kept; this version does not draw objects",
                         spec->object_count);
-    sv_loading_note(l, 0,
-                    "relief: distance %g m, resolution %d kept; this version does not draw relief panels",
-                    spec->relief_distance_m, spec->relief_resolution);
+    if (spec->has_relief)
+        sv_loading_note(l, 0,
+                        "relief: distance %g m, resolution %d kept; this version does not draw relief panels",
+                        spec->relief_distance_m, spec->relief_resolution);
     s->version = sv_loading_version(l);
     struct sv_error error;
     if (sv_arena_seal(s->arena, &error) != SV_OK) {

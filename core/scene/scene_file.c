@@ -111,12 +111,13 @@ static int species_named(struct sv_value_reader *r, const char *name)
             return k;
     char known[200] = "";
     size_t used = 0;
+    int shown = 0;
     for (int k = 0; k < r->spec->species_count && used < 140; k++)
-        if (r->spec->species[k].name[0])
+        if (r->spec->species[k].name[0] && ++shown) /* one without a name is an error of its own */
             used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "",
                                      sv_value_show(r->spec->species[k].name).text);
     sv_value_complain(r, SV_EINVAL, "no species is named \"%s\"; there %s %s", sv_value_show(name).text,
-                      r->spec->species_count == 1 ? "is" : "are", used ? known : "none");
+                      shown == 1 ? "is" : "are", used ? known : "none");
     return -1;
 }
 
@@ -224,6 +225,13 @@ static void read_forest(struct sv_value_reader *r, const cJSON *json, const stru
                         void *base);
 static void read_objects(struct sv_value_reader *r, const cJSON *json, const struct sv_value_field *f,
                          void *base);
+
+static void read_relief(struct sv_value_reader *r, const cJSON *json, const struct sv_value_field *f,
+                        void *base)
+{
+    ((struct sv_scene_spec *)base)->has_relief = json != NULL;
+    sv_value_object(r, json, f, base);
+}
 
 /* ---- the tables: key, type, unit, least, most, default, reader, section, place, required ---- */
 
@@ -345,7 +353,7 @@ static const struct sv_value_field SCENE[] = {
     {"forest", "array", "", 0, FOREST_MAX, 0, read_forest, NULL, IN(sv_scene_spec, forest)},
     {"objects", "array", "", 0, OBJECTS_MAX, 0, read_objects, NULL, IN(sv_scene_spec, objects)},
     {"sun", "object", "", 0, 0, 0, sv_value_object, &SUN_SECTION, 0, false},
-    {"relief", "object", "", 0, 0, 0, sv_value_object, &RELIEF_SECTION, 0, false},
+    {"relief", "object", "", 0, 0, 0, read_relief, &RELIEF_SECTION, 0, false},
 };
 static const struct sv_value_section SCENE_SECTION = SECTION(SCENE);
 

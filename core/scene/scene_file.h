@@ -78,6 +78,7 @@ struct sv_scene_spec {
     struct sv_object_spec *objects;
     int object_count;
     double sun_azimuth_deg, sun_elevation_deg;
+    bool has_relief; /* the file speaks of it; its values stand at their defaults otherwise */
     double relief_distance_m;
     int relief_resolution;
 };

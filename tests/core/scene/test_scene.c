@@ -176,6 +176,32 @@ static void test_points(void **state)
     assert_told(w, "species \"spare\": no tree of it, not built");
 }
 
+/* min_height_m above default_height_m: what was measured low goes, what was not measured stands. */
+static void test_min_height(void **state)
+{
+    struct work *w = *state;
+    write_file(w, "t.csv", "x,y,h\n100,100,\n200,100,tall\n300,100,9.5\n400,100,15\n500,100,0\n");
+    const struct sv_scene *s =
+        load_ok(w, "{" TERRAIN "," SPECIES ",\"forest\":[{\"points\":\"t.csv\",\"height_m\":\"h\","
+                   "\"default_species\":\"fir\",\"default_height_m\":8,\"min_height_m\":10}]}");
+    assert_int_equal(s->forest.count, 4);
+    static const double heights[4] = {8, 8, 15, 8};
+    for (uint32_t k = 0; k < 4; k++)
+        assert_true((double)tree_number(s, k)->height_m == heights[k]);
+    assert_told(w, "forest[0]: 1 trees lower than 10 m left out");
+    assert_told(w, "! forest[0]: 3 trees without a height of 0 .. 150 m stand at 8 m");
+}
+
+/* The log speaks of relief when the scene does. */
+static void test_relief_told(void **state)
+{
+    struct work *w = *state;
+    load_ok(w, "{" TERRAIN "}");
+    assert_null(strstr(w->log, "relief:"));
+    load_ok(w, "{" TERRAIN ",\"relief\":{\"distance_m\":70}}");
+    assert_told(w, "relief: distance 70 m, resolution 1024 kept");
+}
+
 /* "*" in the map covers what nothing else does; a name that nothing covers is an error that names it. */
 static void test_names(void **state)
 {
@@ -548,10 +574,10 @@ static int tear_down(void **state)
 int main(void)
 {
 #define T(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-    const struct CMUnitTest tests[] = {T(test_points),    T(test_names),     T(test_scatter),
-                                       T(test_empty),     T(test_sealed),    T(test_version),
-                                       T(test_errors),    T(test_model_key), T(test_species_store),
-                                       T(test_grown_key), T(test_olinda),    T(test_scbi)};
+    const struct CMUnitTest tests[] = {
+        T(test_points),        T(test_min_height), T(test_relief_told), T(test_names),  T(test_scatter),
+        T(test_empty),         T(test_sealed),     T(test_version),     T(test_errors), T(test_model_key),
+        T(test_species_store), T(test_grown_key),  T(test_olinda),      T(test_scbi)};
 #undef T
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

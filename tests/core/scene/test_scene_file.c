@@ -65,7 +65,7 @@ static void check_example_head(const struct sv_scene_spec *s)
     assert_int_equal(s->species[1].leaves, 38952);
     assert_int_equal(s->species[1].seed, 7);
     assert_true(s->sun_azimuth_deg == 200 && s->sun_elevation_deg == 15);
-    assert_true(s->relief_distance_m == 50 && s->relief_resolution == 512);
+    assert_true(s->has_relief && s->relief_distance_m == 50 && s->relief_resolution == 512);
     assert_int_equal(s->object_count, 1);
     assert_string_equal(s->objects[0].model, "/maps/hut.glb");
     assert_true(s->objects[0].x == 500120 && s->objects[0].y == 5200340 && s->objects[0].heading_deg == 30 &&
@@ -126,7 +126,7 @@ static void test_defaults(void **state)
     assert_true(s.terrain.size_m == 2000 && s.terrain.samples == 1024 && s.terrain.relief_m == 150 &&
                 s.terrain.seed == 1);
     assert_true(s.sun_azimuth_deg == 135 && s.sun_elevation_deg == 40);
-    assert_true(s.relief_distance_m == 100 && s.relief_resolution == 1024);
+    assert_true(!s.has_relief && s.relief_distance_m == 100 && s.relief_resolution == 1024);
     assert_true(s.species[0].habit == SV_HABIT_PALM && s.species[0].leaves == 38952 &&
                 s.species[0].seed == 1);
     const struct sv_points_spec *p = &s.forest[0].points;
@@ -327,6 +327,34 @@ static void test_all_at_once(void **state)
     sv_errors_finish(&errors);
 }
 
+/* A species whose own name is wrong is not among those that are there. */
+static void test_species_there(void **state)
+{
+    (void)state;
+    struct sv_scene_spec s;
+    struct sv_errors errors;
+    static const struct {
+        const char *species, *there;
+    } rows[] = {
+        {"{\"name\":\"a\",\"model\":\"m\"},{\"model\":\"m\"},{\"name\":\"\",\"model\":\"m\"}", "there is a"},
+        {"{\"model\":\"m\"},{\"name\":\"a\",\"model\":\"m\"},{\"name\":\"b\",\"model\":\"m\"}",
+         "there are a, b"},
+        {"{\"model\":\"m\"}", "there are none"}};
+    for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
+        char text[600];
+        snprintf(text, sizeof text,
+                 "{" TERRAIN ",\"species\":[%s],\"forest\":[{\"points\":\"p\",\"default_species\":\"zz\"}]}",
+                 rows[k].species);
+        assert_int_equal(parse(text, &s, &errors), SV_EINVAL);
+        const struct sv_error *last = &errors.items[errors.count - 1];
+        assert_string_equal(last->field, "forest[0].default_species");
+        const char *there = strstr(last->message, "there ");
+        assert_non_null(there);
+        assert_string_equal(there, rows[k].there);
+        sv_errors_finish(&errors);
+    }
+}
+
 /* Bytes that are no text, and texts that are no scene: defined answers. */
 static void test_odd_bytes(void **state)
 {
@@ -468,8 +496,10 @@ static void test_read(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_example),         cmocka_unit_test(test_defaults),  cmocka_unit_test(test_bad),
-        cmocka_unit_test(test_all_at_once),     cmocka_unit_test(test_odd_bytes), cmocka_unit_test(test_long),
-        cmocka_unit_test(test_limits_of_lists), cmocka_unit_test(test_read)};
+        cmocka_unit_test(test_example),       cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_bad),           cmocka_unit_test(test_all_at_once),
+        cmocka_unit_test(test_species_there), cmocka_unit_test(test_odd_bytes),
+        cmocka_unit_test(test_long),          cmocka_unit_test(test_limits_of_lists),
+        cmocka_unit_test(test_read)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
