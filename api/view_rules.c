@@ -279,7 +279,7 @@ static void build_effort(struct build *b, struct sv_view_request *r)
     r->max_error_px = number(b, SV_FIELD_MAX_ERROR);
     r->budget_ms = number(b, SV_FIELD_BUDGET_MS);
     r->trees = (enum sv_trees)get(b, SV_FIELD_TREES).choice;
-    r->relief = (enum sv_relief)get(b, SV_FIELD_RELIEF).choice;
+    r->relief = (enum sv_relief_mode)get(b, SV_FIELD_RELIEF).choice;
     r->relief_distance_m = number(b, SV_FIELD_RELIEF_DISTANCE);
     r->relief_resolution = (int)number(b, SV_FIELD_RELIEF_RESOLUTION);
     r->has_shadows = present(b, SV_FIELD_SHADOWS);

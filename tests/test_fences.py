@@ -16,7 +16,7 @@ CC = sys.argv[2] if len(sys.argv) > 2 else "cc"
 MAY_INCLUDE = {"core": {"core"}, "api": {"core", "api"}, "server": {"core", "api", "server"}, "clients": {"clients"}}
 FENCES = [  # header pattern, where it may stand
     (r"microhttpd\.h", r"server/"),
-    (r"GL/|OSMesa|KHR/", r"core/gl/|core/terrain/draw\w*\.c|core/tree/(draw|impostor)\w*\.c"),
+    (r"GL/|OSMesa|KHR/", r"core/gl/|core/terrain/draw\w*\.c|core/tree/(draw|impostor)\w*\.c|core/relief/(draw|bake)\w*\.c"),
     (r"GL/osmesa\.h", r"core/gl/context_osmesa\.c|core/gl/functions\.c"),
     (r"cjson/|cJSON\.h", r"core/scene/scene_(file|values)\w*\.[ch]|api/|server/"),
     (r"gdal|ogr_|cpl_|proj\.h|geos_c", r"core/geo/"),

@@ -49,7 +49,7 @@ enum { SV_VIEW_SIDE_MIN = 16, SV_VIEW_SIDE_MAX = 4096 };
 #define X(name, text) name,
 enum sv_quality { SV_QUALITY_LIST(X) SV_QUALITY_COUNT };
 enum sv_trees { SV_TREES_LIST(X) SV_TREES_COUNT };
-enum sv_relief { SV_RELIEF_LIST(X) SV_RELIEF_COUNT };
+enum sv_relief_mode { SV_RELIEF_LIST(X) SV_RELIEF_COUNT };
 enum sv_layer { SV_LAYER_LIST(X) SV_LAYER_COUNT };
 enum sv_projection { SV_PROJECTION_LIST(X) SV_PROJECTION_COUNT };
 #undef X
@@ -83,7 +83,7 @@ struct sv_view_request {
     double max_error_px; /* 0: not given */
     double budget_ms;    /* 0: not given */
     enum sv_trees trees;
-    enum sv_relief relief;
+    enum sv_relief_mode relief;
     double relief_distance_m; /* 0: not given */
     int relief_resolution;    /* 0: not given */
     bool has_shadows, shadows; /* has_shadows: the client said so */
@@ -97,7 +97,7 @@ struct sv_view_request {
 /* Names for the enums above; never NULL for legal values. */
 const char *sv_quality_name(enum sv_quality v);
 const char *sv_trees_name(enum sv_trees v);
-const char *sv_relief_name(enum sv_relief v);
+const char *sv_relief_name(enum sv_relief_mode v);
 const char *sv_layer_name(enum sv_layer v);
 const char *sv_projection_name(enum sv_projection v);
 const char *sv_format_name(enum sv_format v);

@@ -1,0 +1,90 @@
+/* object.h - a relief object: six relief textures on the faces of a mesh's box (paper 1, sections 1 and 4).
+ *
+ * Model space as for trees (frames.h): Z up, base at z = 0, height 1. Faces in the order +X, -X, +Y, -Y, +Z,
+ * -Z; f points outward, displ <= 0; square texels (|a| = |b|), the longest side of the box has `resolution`
+ * texels, the others as many as they need (at least 1), so the frame may stand over the box by less than a
+ * texel. A view warps the faces that look towards the eye (up to three), and of the others those texels that
+ * cross an edge and close it; the buffer's depth test joins them. */
+#ifndef SV_RELIEF_OBJECT_H
+#define SV_RELIEF_OBJECT_H
+
+#include "core/base/store.h"
+#include "core/relief/lighting.h"
+#include "core/relief/relief.h"
+#include "core/relief/silhouette.h"
+#include "core/relief/warp.h"
+#include "core/tree/mesh.h"
+
+enum { SV_RELIEF_FACES = 6, SV_RELIEF_RESOLUTION_MIN = 8, SV_RELIEF_RESOLUTION_MAX = 2048 };
+/* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
+#define SV_RELIEF_OBJECT_KIND "relief1"
+
+struct sv_relief_object {
+    struct sv_relief face[SV_RELIEF_FACES]; /* model space */
+    struct sv_vec3 box_min, box_max;
+    int resolution;
+    double texel; /* side of a texel, model space */
+};
+
+/* Where an object stands: world = place + height_m * turn(model), clockwise by heading_rad. */
+struct sv_relief_place {
+    struct sv_vec3 place;
+    double height_m, heading_rad;
+};
+
+/* Draws the six faces (needs a current GL context). SV_EINVAL when resolution is out of range, SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolution,
+                                                   struct sv_relief_object *object, struct sv_error *error);
+void sv_relief_object_finish(struct sv_relief_object *object);
+/* One block of bytes (heap, caller frees) and back; load takes any bytes: SV_EFORMAT. */
+SV_MUST_CHECK enum sv_status sv_relief_object_save(const struct sv_relief_object *object, void **data,
+                                                   size_t *bytes, struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_relief_object_load(const void *data, size_t bytes,
+                                                   struct sv_relief_object *object, struct sv_error *error);
+/* From the store, or baked and kept there (store may be NULL). key: of the mesh. */
+SV_MUST_CHECK enum sv_status sv_relief_object_obtain(const struct sv_tree_mesh *mesh, uint64_t key,
+                                                     int resolution, struct sv_store *store,
+                                                     struct sv_relief_object *object, struct sv_error *error);
+
+/* The frame of a face in the world. */
+struct sv_relief_frame sv_relief_object_frame(const struct sv_relief_object *object, int face,
+                                              const struct sv_relief_place *place);
+
+/* What an object looks like under a light: kept from view to view while neither light nor place changes.
+ * Opaque heap value. */
+struct sv_relief_look;
+enum sv_relief_shadow_form { SV_RELIEF_SHADOW_NONE, SV_RELIEF_SHADOW_LINE_SWEEP, SV_RELIEF_SHADOW_ROW_FRONT };
+struct sv_relief_look_options {
+    enum sv_relief_shadow_form shadow; /* self-shadow of each face, and of the faces on each other (cast.h) */
+    bool lit;                          /* false: plain albedo (figure 6 a) */
+    float specular, shininess;
+    bool has_viewer;
+    struct sv_vec3 eye;    /* world */
+    double shade_height_m; /* world z below which the surroundings keep the sun away; -INFINITY: nowhere */
+};
+SV_MUST_CHECK enum sv_status sv_relief_look_create(const struct sv_relief_object *object,
+                                                   struct sv_relief_look **look, struct sv_error *error);
+void sv_relief_look_destroy(struct sv_relief_look *look);
+/* Only faces in the bit set `faces` are done. */
+SV_MUST_CHECK enum sv_status sv_relief_look_light(struct sv_relief_look *look,
+                                                  const struct sv_relief_place *place,
+                                                  const struct sv_light *light,
+                                                  const struct sv_relief_look_options *options,
+                                                  unsigned faces, struct sv_error *error);
+/* Which faces a camera needs: bit set. */
+unsigned sv_relief_object_faces(const struct sv_relief_object *object, const struct sv_relief_place *place,
+                                const struct sv_camera *camera);
+/* Size of a texel in the picture where it is largest (nearest point of the box), px: what the choice between
+ * relief and polygons goes by. */
+double sv_relief_object_texel_px(const struct sv_relief_object *object, const struct sv_relief_place *place,
+                                 const struct sv_camera *camera);
+
+/* Warps the object as it looks into the buffer: clear, splat, fill. The sources stay valid until the next
+ * call; resolve with them. */
+SV_MUST_CHECK enum sv_status
+sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
+                    const struct sv_camera *camera, double shift_x_px, double shift_y_px, unsigned faces,
+                    struct sv_warp_buffer *buffer, const struct sv_warp_source **sources,
+                    unsigned *source_count, struct sv_warp_stats *stats, struct sv_error *error);
+
+#endif

@@ -1,0 +1,80 @@
+/* warp.h - relief textures straight into the final picture: one 4 x 4 map a texel, a splat into a depth
+ * buffer, holes found and filled, colour looked up once a pixel. No pre-warp, no GL.
+ *
+ * One map serves every source and camera: with t = displ (a relief) or t = q = distance / Z (a cell's panel)
+ *     (x w, y w, d w, w)^T = m (u, v, t, 1)^T
+ * x to the right and y down in px (pixel (i, j) has its centre at (i + 0.5, j + 0.5)), d the reversed window
+ * depth that GL would write (0: infinitely far; larger is nearer), w > 0 in front of the eye. Own derivation:
+ * all of (1)-(4) of paper 1 and of algorithms.md 2.2 are such projective maps. Texels with w <= 0, d outside
+ * [0, 1] or anything not finite are not drawn.
+ *
+ * Flow: clear -> splat each source (nearest wins) -> fill -> resolve. Between splat and resolve a pixel holds
+ * a texel, not a colour, so that the splat moves 8 bytes a pixel and colour is filtered once. Scalar, SSE2
+ * and AVX2 versions agree. */
+#ifndef SV_RELIEF_WARP_H
+#define SV_RELIEF_WARP_H
+
+#include <stdint.h>
+
+#include "core/base/error.h"
+#include "core/relief/relief.h"
+#include "core/view/camera.h"
+
+struct sv_warp_map {
+    double m[4][4]; /* rows x, y, d, w; columns u, v, t, 1 */
+};
+
+/* The map of a relief in world space to a camera's picture (perspective or orthographic), for t = displ.
+ * shift as in sv_camera_clip_from_local. Everything large is subtracted in double. */
+void sv_warp_map_from_camera(const struct sv_relief_frame *frame, const struct sv_camera *camera,
+                             double shift_x_px, double shift_y_px, struct sv_warp_map *map);
+
+struct sv_warp_source {
+    int width, height;
+    const float *t;            /* displ or q, width * height */
+    const uint8_t (*color)[4]; /* what is seen, sRGB, straight: albedo or lit; alpha >= 128: solid */
+    float cut;                 /* neighbours whose t differ by more are torn apart */
+    struct sv_warp_map map;
+};
+
+enum { SV_WARP_SOURCES_MAX = 32, SV_WARP_TEXEL_BITS = 26 };
+#define SV_WARP_EMPTY UINT32_MAX
+/* Bit 31: the pixel was a hole and is filled with this texel; bits 26..30: source; the rest: row * width +
+ * column. */
+#define SV_WARP_FILLED UINT32_C(0x80000000)
+
+struct sv_warp_buffer {
+    int width, height;  /* px */
+    float *depth;       /* width * height, reversed window depth; 0: nothing */
+    uint32_t *texel;    /* width * height; SV_WARP_EMPTY: nothing */
+    int x0, y0, x1, y1; /* what was written since the last clear: x0 <= x < x1; empty: x0 >= x1 */
+};
+
+struct sv_warp_stats {
+    uint64_t texels;     /* solid texels looked at */
+    uint32_t pixels;     /* that hold a surface */
+    uint32_t holes;      /* pixels of disocclusions before filling ... */
+    uint32_t holes_left; /* ... and after */
+};
+
+SV_MUST_CHECK enum sv_status sv_warp_buffer_create(int width, int height, struct sv_warp_buffer *buffer,
+                                                   struct sv_error *error);
+void sv_warp_buffer_finish(struct sv_warp_buffer *buffer);
+/* Empties what was written (only that). */
+void sv_warp_clear(struct sv_warp_buffer *buffer);
+/* Splats source number k (its texels are tagged k); all SIMD levels. */
+void sv_warp_splat(const struct sv_warp_source *source, unsigned k, struct sv_warp_buffer *buffer,
+                   struct sv_warp_stats *stats);
+/* Finds what opens behind torn edges and fills it from the far side; call once, after all sources. */
+void sv_warp_fill(const struct sv_warp_source *sources, unsigned count, struct sv_warp_buffer *buffer,
+                  struct sv_warp_stats *stats);
+/* The place on its source that the pixel's centre shows, from the texel that the buffer holds: (u, v) by one
+ * Newton step on the bilinear surface, kept within a texel of it. False for an empty pixel. */
+bool sv_warp_locate(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int i, int j,
+                    double *u, double *v);
+/* Colours of the pixels that hold something: rgba is width * height * 4 of the buffer's size, sRGB straight,
+ * bilinear in the source (solid texels of the same surface only); other pixels are left alone. */
+void sv_warp_resolve(const struct sv_warp_source *sources, unsigned count,
+                     const struct sv_warp_buffer *buffer, uint8_t (*rgba)[4]);
+
+#endif
