@@ -11,7 +11,7 @@
     }
 NAMES(sv_quality_name, sv_quality, SV_QUALITY_LIST, SV_QUALITY_COUNT)
 NAMES(sv_trees_name, sv_trees, SV_TREES_LIST, SV_TREES_COUNT)
-NAMES(sv_relief_name, sv_relief, SV_RELIEF_LIST, SV_RELIEF_COUNT)
+NAMES(sv_relief_name, sv_relief_mode, SV_RELIEF_LIST, SV_RELIEF_COUNT)
 NAMES(sv_layer_name, sv_layer, SV_LAYER_LIST, SV_LAYER_COUNT)
 NAMES(sv_projection_name, sv_projection, SV_PROJECTION_LIST, SV_PROJECTION_COUNT)
 #undef X
