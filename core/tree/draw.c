@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "core/base/color.h"
+#include "core/scene/id.h"
 #include "core/tree/draw_cull.h"
 #include "core/tree/draw_impostor.h"
 #include "core/tree/draw_mesh.h"
@@ -52,7 +53,7 @@ enum sv_status sv_tree_draw_create(const struct sv_tree_draw_species *species, i
         if (species[k].tree_count > 0)
             draw->species[k] =
                 (struct sv_cull_species){species[k].mesh->radius, species[k].mesh->index_count / 3};
-    status = sv_mesh_draw_create(species, species_count, &draw->meshes, error);
+    status = sv_mesh_draw_create(species, species_count, SV_ID_TREE_FIRST, &draw->meshes, error);
     if (!status)
         status = sv_quad_draw_create(species, species_count, store, &draw->quads, error);
     if (status) {

@@ -15,7 +15,6 @@
 #include "core/gl/context.h"
 #include "core/gl/functions.h"
 #include "core/gl/program.h"
-#include "core/scene/id.h"
 
 enum { GROUP_FIRST = 8 };
 enum {
@@ -48,6 +47,7 @@ struct species_mesh {
 
 struct sv_mesh_draw {
     int species_count;
+    uint32_t id_first;
     struct species_mesh *species;
     GLuint plain, masked; /* programs */
     GLuint white, instances;
@@ -128,7 +128,7 @@ static int find_owner(const struct sv_mesh_draw *draw, int k)
 }
 
 enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_species *species, int species_count,
-                                   struct sv_mesh_draw **out, struct sv_error *error)
+                                   uint32_t id_first, struct sv_mesh_draw **out, struct sv_error *error)
 {
     static const uint8_t white[4] = {255, 255, 255, 255};
     struct sv_mesh_draw *draw = calloc(1, sizeof *draw);
@@ -139,6 +139,7 @@ enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_species *species, i
         return sv_fail(error, SV_ENOMEM, "species", "no memory to draw %d species", species_count);
     }
     draw->species_count = species_count;
+    draw->id_first = id_first;
     enum sv_status status =
         sv_gl_program_create("tree_mesh.vert", "tree_mesh.frag", NULL, &draw->plain, error);
     if (!status)
@@ -192,7 +193,8 @@ size_t sv_mesh_draw_bytes(const struct sv_mesh_draw *draw, int species)
     return s->mesh ? draw->species[s->owner].bytes : 0;
 }
 
-static void put_instance(struct instance *i, const struct sv_tree *tree, struct sv_vec3 eye)
+static void put_instance(struct instance *i, const struct sv_tree *tree, struct sv_vec3 eye,
+                         uint32_t id_first)
 {
     i->place[0] = (float)(tree->x - eye.x);
     i->place[1] = (float)(tree->y - eye.y);
@@ -200,7 +202,7 @@ static void put_instance(struct instance *i, const struct sv_tree *tree, struct 
     i->place[3] = tree->height_m;
     i->turn[0] = cosf(tree->rotation_rad);
     i->turn[1] = sinf(tree->rotation_rad);
-    i->id = SV_ID_TREE_FIRST + tree->number;
+    i->id = id_first + tree->number;
     i->reserved = 0;
 }
 
@@ -248,7 +250,7 @@ static void stage_group(struct sv_mesh_draw *draw, const struct sv_tree *trees,
     for (int k = 0; k < draw->species_count; k++)
         for (uint32_t i = 0; i < count; i++)
             if (trees[entries[i].tree].species == k)
-                put_instance(&draw->staging[at++], &trees[entries[i].tree], eye);
+                put_instance(&draw->staging[at++], &trees[entries[i].tree], eye, draw->id_first);
 }
 
 static uint32_t group_size(uint32_t base, uint32_t count)

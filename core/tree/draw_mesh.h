@@ -1,5 +1,5 @@
-/* draw_mesh.h - tree polygons by GL: meshes uploaded once a species, drawn instanced, nearest first. Private
- * to core/tree. */
+/* draw_mesh.h - tree polygons by GL: meshes uploaded once a species, drawn instanced, nearest first. Used by
+ * core/tree and by core/relief for objects. */
 #ifndef SV_TREE_DRAW_MESH_H
 #define SV_TREE_DRAW_MESH_H
 
@@ -10,10 +10,11 @@
 struct sv_mesh_draw;
 
 /* Uploads the meshes of the species whose tree_count is not 0; species that share a mesh share the upload.
- * Borrows the meshes for life. SV_ENOMEM, SV_EINTERNAL. */
+ * id_first: what layer=id shows is id_first + sv_tree.number (SV_ID_TREE_FIRST; SV_ID_OBJECT_FIRST for
+ * objects, core/scene/id.h). Borrows the meshes for life. SV_ENOMEM, SV_EINTERNAL. */
 SV_MUST_CHECK enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_species *species,
-                                                 int species_count, struct sv_mesh_draw **draw,
-                                                 struct sv_error *error);
+                                                 int species_count, uint32_t id_first,
+                                                 struct sv_mesh_draw **draw, struct sv_error *error);
 void sv_mesh_draw_destroy(struct sv_mesh_draw *draw); /* NULL is legal */
 /* Draws entries[0 .. count) of trees. */
 SV_MUST_CHECK enum sv_status sv_mesh_draw_trees(struct sv_mesh_draw *draw, const struct sv_gl_frame *frame,
