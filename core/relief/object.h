@@ -46,7 +46,14 @@ SV_MUST_CHECK enum sv_status sv_relief_object_obtain(const struct sv_tree_mesh *
                                                      int resolution, struct sv_store *store,
                                                      struct sv_relief_object *object, struct sv_error *error);
 
-/* The frame of a face in the world. */
+/* Frame and size that a face has by box_min, box_max, resolution and texel of the object (nothing else of it
+ * is read).
+ */
+void sv_relief_object_face_layout(const struct sv_relief_object *object, int face,
+                                  struct sv_relief_frame *frame, int *width, int *height);
+/* A place of the world in model space. */
+struct sv_vec3 sv_relief_place_to_model(const struct sv_relief_place *place, struct sv_vec3 world);
+/* The frame of a face in the world. displ stays in model space: it is to be multiplied by height_m. */
 struct sv_relief_frame sv_relief_object_frame(const struct sv_relief_object *object, int face,
                                               const struct sv_relief_place *place);
 

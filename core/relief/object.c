@@ -1,0 +1,146 @@
+/* object.c - six reliefs on the faces of a box: where they lie, which of them a camera needs, and their bake.
+ */
+#include "core/relief/object.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/frames.h"
+#include "core/relief/build.h"
+
+/* Axes of the faces: a to the right and b down for one who looks at the face from outside. */
+static const struct {
+    int axis; /* of f: 0 x, 1 y, 2 z */
+    struct sv_vec3 a, b, f;
+} FACES[SV_RELIEF_FACES] = {
+    {0, {0, 1, 0}, {0, 0, -1}, {1, 0, 0}},  {0, {0, -1, 0}, {0, 0, -1}, {-1, 0, 0}},
+    {1, {-1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {1, {1, 0, 0}, {0, 0, -1}, {0, -1, 0}},
+    {2, {1, 0, 0}, {0, -1, 0}, {0, 0, 1}},  {2, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}},
+};
+
+/* Neighbours whose displ differ by more than this many texels are torn apart. */
+#define CUT_TEXELS 3.0
+
+static double extent(const struct sv_relief_object *object, struct sv_vec3 axis)
+{
+    return fabs(sv_dot(sv_sub(object->box_max, object->box_min), axis));
+}
+
+static int texels_along(const struct sv_relief_object *object, struct sv_vec3 axis)
+{
+    /* A side of exactly n texels must not become n + 1 by rounding. */
+    int n = (int)ceil(extent(object, axis) / object->texel - 1e-6);
+    return n < 1 ? 1 : n > object->resolution ? object->resolution : n;
+}
+
+void sv_relief_object_face_layout(const struct sv_relief_object *object, int face,
+                                  struct sv_relief_frame *frame, int *width, int *height)
+{
+    struct sv_vec3 middle = sv_scale(sv_add(object->box_min, object->box_max), 0.5);
+    struct sv_vec3 a = sv_scale(FACES[face].a, object->texel), b = sv_scale(FACES[face].b, object->texel);
+    *width = texels_along(object, FACES[face].a);
+    *height = texels_along(object, FACES[face].b);
+    struct sv_vec3 origin = sv_madd(middle, FACES[face].f, 0.5 * extent(object, FACES[face].f));
+    origin = sv_madd(sv_madd(origin, a, -0.5 * *width), b, -0.5 * *height);
+    *frame = (struct sv_relief_frame){.origin = origin, .a = a, .b = b, .f = FACES[face].f};
+}
+
+/* Box of the vertices; false when there are none or one of them is not finite. */
+static bool box_of(const struct sv_tree_mesh *mesh, struct sv_vec3 *lo, struct sv_vec3 *hi)
+{
+    *lo = sv_vec3(INFINITY, INFINITY, INFINITY), *hi = sv_vec3(-INFINITY, -INFINITY, -INFINITY);
+    for (uint32_t i = 0; i < mesh->vertex_count; i++) {
+        const float *p = mesh->vertices[i].position;
+        *lo = sv_vec3(fmin(lo->x, (double)p[0]), fmin(lo->y, (double)p[1]), fmin(lo->z, (double)p[2]));
+        *hi = sv_vec3(fmax(hi->x, (double)p[0]), fmax(hi->y, (double)p[1]), fmax(hi->z, (double)p[2]));
+        if (!isfinite(p[0]) || !isfinite(p[1]) || !isfinite(p[2]))
+            return false;
+    }
+    return mesh->vertex_count > 0;
+}
+
+enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolution,
+                                     struct sv_relief_object *object, struct sv_error *error)
+{
+    if (resolution < SV_RELIEF_RESOLUTION_MIN || resolution > SV_RELIEF_RESOLUTION_MAX)
+        return sv_fail(error, SV_EINVAL, "resolution", "%d texels; %d to %d are legal", resolution,
+                       SV_RELIEF_RESOLUTION_MIN, SV_RELIEF_RESOLUTION_MAX);
+    struct sv_relief_object made = {.resolution = resolution};
+    if (!box_of(mesh, &made.box_min, &made.box_max))
+        return sv_fail(error, SV_EINVAL, "mesh", "has no vertices, or one that is not finite");
+    struct sv_vec3 size = sv_sub(made.box_max, made.box_min);
+    double longest = fmax(size.x, fmax(size.y, size.z));
+    if (!(longest > 0))
+        return sv_fail(error, SV_EINVAL, "mesh", "all of its vertices are in one place");
+    made.texel = longest / resolution;
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        struct sv_relief_frame frame;
+        struct sv_relief_bake_options options = {.samples = 4,
+                                                 .front_m = 0.5 * made.texel,
+                                                 .depth_m = extent(&made, FACES[k].f) + 0.5 * made.texel,
+                                                 .cut = (float)(CUT_TEXELS * made.texel)};
+        sv_relief_object_face_layout(&made, k, &frame, &options.width, &options.height);
+        enum sv_status status = sv_relief_from_mesh(mesh, &frame, &options, &made.face[k], error);
+        if (status != SV_OK) {
+            sv_relief_object_finish(&made);
+            return status;
+        }
+    }
+    *object = made;
+    return SV_OK;
+}
+
+void sv_relief_object_finish(struct sv_relief_object *object)
+{
+    for (int k = 0; k < SV_RELIEF_FACES; k++)
+        sv_relief_finish(&object->face[k]);
+    *object = (struct sv_relief_object){0};
+}
+
+struct sv_relief_frame sv_relief_object_frame(const struct sv_relief_object *object, int face,
+                                              const struct sv_relief_place *place)
+{
+    const struct sv_relief_frame *m = &object->face[face].frame;
+    double h = place->height_m, r = place->heading_rad;
+    return (struct sv_relief_frame){
+        .origin = sv_madd(place->place, sv_rotate_clockwise(m->origin, r), h),
+        .a = sv_scale(sv_rotate_clockwise(m->a, r), h),
+        .b = sv_scale(sv_rotate_clockwise(m->b, r), h),
+        .f = sv_rotate_clockwise(m->f, r),
+    };
+}
+
+struct sv_vec3 sv_relief_place_to_model(const struct sv_relief_place *place, struct sv_vec3 world)
+{
+    struct sv_vec3 p = sv_rotate_clockwise(sv_sub(world, place->place), -place->heading_rad);
+    return sv_scale(p, 1 / place->height_m);
+}
+
+unsigned sv_relief_object_faces(const struct sv_relief_object *object, const struct sv_relief_place *place,
+                                const struct sv_camera *camera)
+{
+    unsigned faces = 0;
+    struct sv_vec3 eye = sv_relief_place_to_model(place, camera->eye);
+    struct sv_vec3 back = sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        const struct sv_relief_frame *f = &object->face[k].frame;
+        double front = camera->projection == SV_PROJECTION_PERSPECTIVE ? sv_dot(sv_sub(eye, f->origin), f->f)
+                                                                       : sv_dot(back, f->f);
+        faces |= front > 0 ? 1u << k : 0;
+    }
+    return faces ? faces : (1u << SV_RELIEF_FACES) - 1; /* an eye inside the box sees all from behind */
+}
+
+double sv_relief_object_texel_px(const struct sv_relief_object *object, const struct sv_relief_place *place,
+                                 const struct sv_camera *camera)
+{
+    double focal = sv_camera_focal_px(camera), texel = object->texel * place->height_m;
+    if (camera->projection != SV_PROJECTION_PERSPECTIVE)
+        return texel * focal;
+    struct sv_vec3 eye = sv_relief_place_to_model(place, camera->eye), lo = object->box_min,
+                   hi = object->box_max;
+    struct sv_vec3 nearest =
+        sv_vec3(sv_clamp(eye.x, lo.x, hi.x), sv_clamp(eye.y, lo.y, hi.y), sv_clamp(eye.z, lo.z, hi.z));
+    double distance = sv_length(sv_sub(eye, nearest)) * place->height_m;
+    return texel * focal / fmax(distance, camera->near_m);
+}
