@@ -20,6 +20,9 @@ static const struct {
 
 /* Neighbours whose displ differ by more than this many texels are torn apart. */
 #define CUT_TEXELS 3.0
+/* Model space has height 1; what is a billion times that is no model. */
+#define BOX_MAX 1e9
+enum { BAKE_SAMPLES = 4 };
 
 static double extent(const struct sv_relief_object *object, struct sv_vec3 axis)
 {
@@ -45,6 +48,17 @@ void sv_relief_object_face_layout(const struct sv_relief_object *object, int fac
     *frame = (struct sv_relief_frame){.origin = origin, .a = a, .b = b, .f = FACES[face].f};
 }
 
+static void place_masks(struct sv_relief_object *object)
+{
+    uint8_t *at = object->block;
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        size_t texels = (size_t)object->face[k].width * (size_t)object->face[k].height;
+        object->keep[k] = at;
+        memset(at, 255, texels);
+        at += texels;
+    }
+}
+
 /* Box of the vertices; false when there are none or one of them is not finite. */
 static bool box_of(const struct sv_tree_mesh *mesh, struct sv_vec3 *lo, struct sv_vec3 *hi)
 {
@@ -59,41 +73,99 @@ static bool box_of(const struct sv_tree_mesh *mesh, struct sv_vec3 *lo, struct s
     return mesh->vertex_count > 0;
 }
 
+enum sv_status sv_relief_object_set_box(struct sv_relief_object *object, struct sv_vec3 box_min,
+                                        struct sv_vec3 box_max, int resolution, enum sv_status code,
+                                        struct sv_error *error)
+{
+    if (resolution < SV_RELIEF_RESOLUTION_MIN || resolution > SV_RELIEF_RESOLUTION_MAX)
+        return sv_fail(error, code, "resolution", "is %d texels, must be %d to %d", resolution,
+                       SV_RELIEF_RESOLUTION_MIN, SV_RELIEF_RESOLUTION_MAX);
+    struct sv_vec3 size = sv_sub(box_max, box_min);
+    double longest = fmax(size.x, fmax(size.y, size.z)), reach = 0;
+    const double ends[6] = {box_min.x, box_min.y, box_min.z, box_max.x, box_max.y, box_max.z};
+    for (int k = 0; k < 6; k++)
+        reach = isfinite(ends[k]) ? fmax(reach, fabs(ends[k])) : INFINITY;
+    if (!(size.x >= 0 && size.y >= 0 && size.z >= 0 && longest > 0 && reach <= BOX_MAX))
+        return sv_fail(error, code, "box",
+                       "is (%g, %g, %g) to (%g, %g, %g), must have a size and stay within %g", ends[0],
+                       ends[1], ends[2], ends[3], ends[4], ends[5], BOX_MAX);
+    if (!(longest / resolution > reach * 1e-9))
+        return sv_fail(error, code, "box",
+                       "has sides of at most %g at %g from the origin: no texel is that small", longest,
+                       reach);
+    object->box_min = box_min;
+    object->box_max = box_max;
+    object->resolution = resolution;
+    object->texel = longest / resolution;
+    return SV_OK;
+}
+
+enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv_error *error)
+{
+    size_t texels = 0;
+    enum sv_status status = SV_OK;
+    for (int k = 0; status == SV_OK && k < SV_RELIEF_FACES; k++) {
+        struct sv_relief_frame frame;
+        int width, height;
+        sv_relief_object_face_layout(object, k, &frame, &width, &height);
+        status = sv_relief_alloc(width, height, &object->face[k], error);
+        object->face[k].frame = frame;
+        object->face[k].cut = (float)(CUT_TEXELS * object->texel);
+        texels += (size_t)width * (size_t)height;
+    }
+    if (status == SV_OK && !(object->block = malloc(texels)))
+        status = sv_fail(error, SV_ENOMEM, "object", "no memory for %zu texels", texels);
+    if (status == SV_OK)
+        place_masks(object);
+    return status;
+}
+
+static enum sv_status bake_faces(const struct sv_tree_mesh *mesh, struct sv_relief_object *object,
+                                 struct sv_error *error)
+{
+    size_t texels = 0;
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        struct sv_relief_frame frame;
+        struct sv_relief_bake_options options = {.samples = BAKE_SAMPLES,
+                                                 .front_m = 0.5 * object->texel,
+                                                 .depth_m = extent(object, FACES[k].f) + 0.5 * object->texel,
+                                                 .cut = (float)(CUT_TEXELS * object->texel)};
+        sv_relief_object_face_layout(object, k, &frame, &options.width, &options.height);
+        enum sv_status status = sv_relief_from_mesh(mesh, &frame, &options, &object->face[k], error);
+        if (status != SV_OK)
+            return status;
+        texels += (size_t)options.width * (size_t)options.height;
+    }
+    if (!(object->block = malloc(texels)))
+        return sv_fail(error, SV_ENOMEM, "object", "no memory for %zu texels", texels);
+    place_masks(object);
+    return SV_OK;
+}
+
 enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolution,
                                      struct sv_relief_object *object, struct sv_error *error)
 {
-    if (resolution < SV_RELIEF_RESOLUTION_MIN || resolution > SV_RELIEF_RESOLUTION_MAX)
-        return sv_fail(error, SV_EINVAL, "resolution", "%d texels; %d to %d are legal", resolution,
-                       SV_RELIEF_RESOLUTION_MIN, SV_RELIEF_RESOLUTION_MAX);
-    struct sv_relief_object made = {.resolution = resolution};
-    if (!box_of(mesh, &made.box_min, &made.box_max))
+    struct sv_relief_object made = {0};
+    struct sv_vec3 lo, hi;
+    if (!box_of(mesh, &lo, &hi))
         return sv_fail(error, SV_EINVAL, "mesh", "has no vertices, or one that is not finite");
-    struct sv_vec3 size = sv_sub(made.box_max, made.box_min);
-    double longest = fmax(size.x, fmax(size.y, size.z));
-    if (!(longest > 0))
-        return sv_fail(error, SV_EINVAL, "mesh", "all of its vertices are in one place");
-    made.texel = longest / resolution;
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        struct sv_relief_frame frame;
-        struct sv_relief_bake_options options = {.samples = 4,
-                                                 .front_m = 0.5 * made.texel,
-                                                 .depth_m = extent(&made, FACES[k].f) + 0.5 * made.texel,
-                                                 .cut = (float)(CUT_TEXELS * made.texel)};
-        sv_relief_object_face_layout(&made, k, &frame, &options.width, &options.height);
-        enum sv_status status = sv_relief_from_mesh(mesh, &frame, &options, &made.face[k], error);
-        if (status != SV_OK) {
-            sv_relief_object_finish(&made);
-            return status;
-        }
+    enum sv_status status = sv_relief_object_set_box(&made, lo, hi, resolution, SV_EINVAL, error);
+    if (status == SV_OK)
+        status = bake_faces(mesh, &made, error);
+    if (status == SV_OK) {
+        sv_relief_object_choose(&made);
+        *object = made;
+    } else {
+        sv_relief_object_finish(&made);
     }
-    *object = made;
-    return SV_OK;
+    return status;
 }
 
 void sv_relief_object_finish(struct sv_relief_object *object)
 {
     for (int k = 0; k < SV_RELIEF_FACES; k++)
         sv_relief_finish(&object->face[k]);
+    free(object->block);
     *object = (struct sv_relief_object){0};
 }
 

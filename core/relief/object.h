@@ -24,6 +24,10 @@ struct sv_relief_object {
     struct sv_vec3 box_min, box_max;
     int resolution;
     double texel; /* side of a texel, model space */
+    /* A byte a texel: 0 where another face shows the same surface better (sv_relief_object_choose), else the
+     * face is to be warped there. In `block`. */
+    uint8_t *keep[SV_RELIEF_FACES];
+    void *block;
 };
 
 /* Where an object stands: world = place + height_m * turn(model), clockwise by heading_rad. */
@@ -45,6 +49,15 @@ SV_MUST_CHECK enum sv_status sv_relief_object_load(const void *data, size_t byte
 SV_MUST_CHECK enum sv_status sv_relief_object_obtain(const struct sv_tree_mesh *mesh, uint64_t key,
                                                      int resolution, struct sv_store *store,
                                                      struct sv_relief_object *object, struct sv_error *error);
+
+/* The parts of a bake, for those who bring their own pixels: box, resolution and texel from a box (`code`
+ * when one is not finite, empty or out of range); arrays of that layout (faces empty); which texels are kept,
+ * once the faces hold something. alloc and choose need the ones before. */
+SV_MUST_CHECK enum sv_status sv_relief_object_set_box(struct sv_relief_object *object, struct sv_vec3 box_min,
+                                                      struct sv_vec3 box_max, int resolution,
+                                                      enum sv_status code, struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv_error *error);
+void sv_relief_object_choose(struct sv_relief_object *object);
 
 /* Frame and size that a face has by box_min, box_max, resolution and texel of the object (nothing else of it
  * is read).

@@ -1,0 +1,204 @@
+/* object_look.c - how a relief object looks under a light, and its warp into a picture.
+ *
+ * light -> per face: share of sunlight (object_shadow.c; the height below which the surroundings keep the sun
+ * away) -> sv_relief_light -> colours, kept. warp -> a source a face -> splat, fill. All is done in model
+ * space: light, eye and height are brought there once, which spares six frames and any large number.
+ *
+ * What is warped is the kept texels only (sv_relief_object_choose): the look's own copy of the colours has
+ * alpha 0 everywhere else. */
+#include "core/relief/object.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/frames.h"
+#include "core/relief/object_shadow.h"
+
+struct sv_relief_look {
+    const struct sv_relief_object *object;
+    struct sv_relief face[SV_RELIEF_FACES]; /* borrows displ and normal; color is the masked copy */
+    uint8_t (*seen[SV_RELIEF_FACES])[4];    /* lit colours */
+    uint8_t *lit[SV_RELIEF_FACES];
+    const uint8_t (*color[SV_RELIEF_FACES])[4]; /* what the last call of _light made: seen or albedo */
+    struct sv_relief_shade *shade;
+    struct sv_warp_source source[SV_RELIEF_FACES];
+    void *block;
+};
+
+static size_t texels_of(const struct sv_relief *face)
+{
+    return (size_t)face->width * (size_t)face->height;
+}
+
+static void borrow_faces(struct sv_relief_look *look)
+{
+    const struct sv_relief_object *object = look->object;
+    uint8_t *at = look->block;
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        size_t texels = texels_of(&object->face[k]);
+        look->face[k] = object->face[k];
+        look->face[k].block = NULL;
+        look->face[k].color = (uint8_t(*)[4])(void *)at;
+        look->seen[k] = look->face[k].color + texels;
+        at += 8 * texels;
+        memcpy(look->face[k].color, object->face[k].color, 4 * texels);
+        for (size_t i = 0; i < texels; i++)
+            if (!object->keep[k][i])
+                look->face[k].color[i][3] = 0;
+        look->color[k] = (const uint8_t(*)[4])look->face[k].color;
+    }
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        look->lit[k] = at;
+        at += texels_of(&object->face[k]);
+    }
+}
+
+enum sv_status sv_relief_look_create(const struct sv_relief_object *object, struct sv_relief_look **look,
+                                     struct sv_error *error)
+{
+    size_t texels = 0;
+    for (int k = 0; k < SV_RELIEF_FACES; k++)
+        texels += texels_of(&object->face[k]);
+    struct sv_relief_look *made = calloc(1, sizeof *made);
+    void *block = malloc(texels * 9);
+    if (!made || !block) {
+        free(made);
+        free(block);
+        return sv_fail(error, SV_ENOMEM, "look", "no memory for %zu texels", texels);
+    }
+    *made = (struct sv_relief_look){.object = object, .block = block};
+    borrow_faces(made);
+    enum sv_status status = sv_relief_shade_create(object, &made->shade, error);
+    if (status == SV_OK)
+        *look = made;
+    else
+        sv_relief_look_destroy(made);
+    return status;
+}
+
+void sv_relief_look_destroy(struct sv_relief_look *look)
+{
+    if (!look)
+        return;
+    sv_relief_shade_destroy(look->shade);
+    free(look->block);
+    free(look);
+}
+
+/* Half the height over which the shade of the surroundings fades, model space. */
+static double fade_height(const struct sv_relief_object *object)
+{
+    return 2 * object->texel;
+}
+
+/* Takes the sun from texels below `height` (model space). */
+static void shade_below(const struct sv_relief *face, double height, double fade, uint8_t *lit)
+{
+    const struct sv_relief_frame *f = &face->frame;
+    float scale = (float)(0.5 / fade), slope_u = (float)f->a.z * scale, slope_displ = (float)f->f.z * scale;
+    for (int j = 0; j < face->height; j++) {
+        size_t row = (size_t)j * (size_t)face->width;
+        float base = (float)((f->origin.z + f->b.z * (j + 0.5) + 0.5 * f->a.z - height) * 0.5 / fade + 0.5);
+        for (int i = 0; i < face->width; i++) {
+            float t = base + slope_u * (float)i + slope_displ * face->displ[row + (size_t)i];
+            t = t > 0 ? t < 1 ? t : 1 : 0; /* NaN: an empty texel, any value serves */
+            lit[row + (size_t)i] = (uint8_t)((float)lit[row + (size_t)i] * t * t * (3 - 2 * t) + 0.5f);
+        }
+    }
+}
+
+static enum sv_status check(const struct sv_relief_place *place, const struct sv_relief_look_options *options,
+                            struct sv_error *error)
+{
+    const struct sv_vec3 p = place->place;
+    if (!(place->height_m > 0 && isfinite(place->height_m)))
+        return sv_fail(error, SV_EINVAL, "place.height_m", "is %g m, must be over 0", place->height_m);
+    if (!isfinite(p.x) || !isfinite(p.y) || !isfinite(p.z) || !isfinite(place->heading_rad))
+        return sv_fail(error, SV_EINVAL, "place", "is (%g, %g, %g), heading %g, must be finite", p.x, p.y,
+                       p.z, place->heading_rad);
+    if (options && !(options->specular >= 0 && options->specular <= 1))
+        return sv_fail(error, SV_EINVAL, "specular", "is %g, must be 0 to 1", (double)options->specular);
+    if (options && options->specular > 0 && !(options->shininess >= 1 && options->shininess <= 1000))
+        return sv_fail(error, SV_EINVAL, "shininess", "is %g, must be 1 to 1000", (double)options->shininess);
+    if (options && options->has_viewer &&
+        (!isfinite(options->eye.x) || !isfinite(options->eye.y) || !isfinite(options->eye.z)))
+        return sv_fail(error, SV_EINVAL, "eye", "is (%g, %g, %g), must be finite", options->eye.x,
+                       options->eye.y, options->eye.z);
+    return SV_OK;
+}
+
+enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv_relief_place *place,
+                                    const struct sv_light *light,
+                                    const struct sv_relief_look_options *options, unsigned faces,
+                                    struct sv_error *error)
+{
+    enum sv_status status = check(place, options, error);
+    if (status != SV_OK)
+        return status;
+    struct sv_light turned = *light;
+    turned.to_sun = sv_rotate_clockwise(light->to_sun, -place->heading_rad);
+    bool shadow = options->lit && options->shadow != SV_RELIEF_SHADOW_NONE;
+    if (shadow)
+        status = sv_relief_shade_light(look->shade, turned.to_sun, options->shadow, faces, look->lit, error);
+    if (status != SV_OK)
+        return status;
+    double shade_height = (options->shade_height_m - place->place.z) / place->height_m;
+    double fade = fade_height(look->object);
+    bool shaded = options->lit && shade_height + fade > look->object->box_min.z;
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        if (!(faces >> k & 1))
+            continue;
+        const struct sv_relief *face = &look->face[k];
+        if (!options->lit) {
+            look->color[k] = (const uint8_t(*)[4])face->color;
+            continue;
+        }
+        if (shaded && !shadow)
+            memset(look->lit[k], 255, texels_of(face));
+        if (shaded)
+            shade_below(face, shade_height, fade, look->lit[k]);
+        struct sv_relief_light how = {.light = &turned,
+                                      .frame = face->frame,
+                                      .lit = shadow || shaded ? look->lit[k] : NULL,
+                                      .has_viewer = options->has_viewer,
+                                      .eye = sv_relief_place_to_model(place, options->eye),
+                                      .specular = options->specular,
+                                      .shininess = options->shininess};
+        sv_relief_light(face, &how, look->seen[k]);
+        look->color[k] = (const uint8_t(*)[4])look->seen[k];
+    }
+    return SV_OK;
+}
+
+enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
+                                   const struct sv_camera *camera, double shift_x_px, double shift_y_px,
+                                   unsigned faces, struct sv_warp_buffer *buffer,
+                                   const struct sv_warp_source **sources, unsigned *source_count,
+                                   struct sv_warp_stats *stats, struct sv_error *error)
+{
+    enum sv_status status = check(place, NULL, error);
+    if (status != SV_OK)
+        return status;
+    unsigned count = 0;
+    sv_warp_clear(buffer);
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        if (!(faces >> k & 1))
+            continue;
+        const struct sv_relief *face = &look->face[k];
+        struct sv_relief_frame frame = sv_relief_object_frame(look->object, k, place);
+        struct sv_warp_source *source = &look->source[count];
+        *source = (struct sv_warp_source){.width = face->width,
+                                          .height = face->height,
+                                          .t = face->displ,
+                                          .color = look->color[k],
+                                          .cut = face->cut};
+        sv_warp_map_from_camera(&frame, camera, shift_x_px, shift_y_px, &source->map);
+        for (int row = 0; row < 4; row++) /* t is in model space, where the object is 1 high */
+            source->map.m[row][2] *= place->height_m;
+        sv_warp_splat(source, count++, buffer, stats);
+    }
+    sv_warp_fill(look->source, count, buffer, stats);
+    *sources = look->source;
+    *source_count = count;
+    return SV_OK;
+}
