@@ -85,14 +85,18 @@ static cJSON *objects(const struct sv_scene_facts *f, bool *good)
         const struct sv_object_facts *o = &f->objects[k];
         const char *slash = o->model ? strrchr(o->model, '/') : NULL;
         cJSON *item = cJSON_CreateObject();
+        sv_api_json_add_number(item, "index", k, good);
+        sv_api_json_add_number(item, "id", (double)(SV_ID_OBJECT_FIRST + (uint32_t)k), good); /* layer=id */
         sv_api_json_add_text(item, "model", slash ? slash + 1 : o->model,
                              good); /* the file's name: its folder is nobody's business */
         sv_api_json_add_number(item, "x", o->x, good);
         sv_api_json_add_number(item, "y", o->y, good);
+        sv_api_json_add_number(item, "z", o->z, good);
         sv_api_json_add_number(item, "heading", sv_api_degrees(o->heading_rad), good);
         sv_api_json_add_number(item, "height_m", o->height_m, good);
-        sv_api_json_add_bool(item, "drawn", false,
-                             good); /* kept and checked; drawing them comes with a later version */
+        sv_api_json_add_number(item, "relief_resolution", o->relief_resolution, good);
+        sv_api_json_add_number(item, "triangles", o->triangle_count, good);
+        sv_api_json_add_number(item, "relief_bytes", (double)o->relief_bytes, good);
         sv_api_json_append(list, item, good);
     }
     return list;

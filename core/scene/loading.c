@@ -40,6 +40,13 @@ void sv_loading_fail(const struct sv_loading *l, const struct sv_error *error, c
                   named ? ": " : "", error->message);
 }
 
+void sv_loading_await_builders(struct sv_loading *l)
+{
+    if (!l->waited && l->options->before_species)
+        l->options->before_species(l->options->before_species_context);
+    l->waited = true;
+}
+
 static uint64_t hash_stat(uint64_t h, const char *name, const struct stat *st)
 {
     h = sv_hash_string(h, name);
@@ -147,7 +154,7 @@ uint64_t sv_loading_version(const struct sv_loading *l)
     }
     for (int k = 0; k < spec->object_count; k++) {
         const struct sv_object_spec *o = &spec->objects[k];
-        h = sv_loading_input_hash(h, o->model);
+        h = sv_hash_u64(h, l->scene->models[l->scene->objects[k].model].key);
         h = sv_hash_double(sv_hash_double(h, o->x), o->y);
         h = sv_hash_double(sv_hash_double(h, o->heading_deg), o->height_m);
         h = sv_hash_u64(h, (uint64_t)o->relief_resolution);

@@ -10,6 +10,7 @@ struct sv_loading {
     const struct sv_scene_options *options;
     struct sv_scene *scene;
     struct sv_errors *errors;
+    bool waited; /* before_species was called */
 };
 
 /* One line to the log. */
@@ -26,6 +27,12 @@ bool sv_loading_colors(struct sv_loading *l);
 /* All trees of the scene file's "forest", heap (caller frees), numbered in order; *trees may be NULL when
  * there are none. False after an error was added. */
 bool sv_loading_plant(const struct sv_loading *l, struct sv_tree **trees, uint32_t *count);
+
+/* The scene file's "objects": models into the arena, each file once; places on the ground. False after errors
+ * were added (objects[k].model, objects[k] for a place outside the terrain). */
+bool sv_loading_objects(struct sv_loading *l);
+/* Calls options->before_species, the first time. */
+void sv_loading_await_builders(struct sv_loading *l);
 
 /* The version of the scene: its spec, its inputs as they lie on disk, and the builders. */
 uint64_t sv_loading_version(const struct sv_loading *l);

@@ -1,4 +1,5 @@
-/* scene.c - a scene from its spec: terrain, colours, trees, the species they need, hierarchy; then sealed.
+/* scene.c - a scene from its spec: terrain, colours, trees, the species they need, hierarchy, objects; then
+ * sealed.
  *
  * Steps run in the order of what they need. One that fails adds its errors; those that do not depend on it
  * still run, so that one load tells all. Only what the scene uses is built: a species without a tree is not.
@@ -86,8 +87,8 @@ static bool load_forest(struct sv_loading *l)
     struct sv_error error;
     if (!sv_loading_plant(l, &trees, &count))
         return false;
-    if (count > 0 && l->options->before_species)
-        l->options->before_species(l->options->before_species_context);
+    if (count > 0)
+        sv_loading_await_builders(l);
     bool ok = load_species(l, trees, count);
     if (ok && build_forest(l, trees, count, &error) != SV_OK) {
         sv_loading_fail(l, &error, "forest");
@@ -113,11 +114,9 @@ static bool load_all(struct sv_loading *l)
         return false; /* everything else stands on it */
     bool ok = sv_loading_colors(l);
     ok = load_forest(l) && ok;
+    ok = sv_loading_objects(l) && ok;
     if (!ok)
         return false;
-    if (spec->object_count > 0)
-        sv_loading_note(l, 1, "objects: %d checked and kept; this version does not draw objects",
-                        spec->object_count);
     if (spec->has_relief)
         sv_loading_note(l, 0,
                         "relief: distance %g m, resolution %d kept; this version does not draw relief panels",
@@ -138,7 +137,7 @@ enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_o
 {
     size_t known = errors->count;
     struct sv_scene *s = calloc(1, sizeof *s);
-    struct sv_loading l = {spec, options, s, errors};
+    struct sv_loading l = {.spec = spec, .options = options, .scene = s, .errors = errors};
     struct sv_error error;
     size_t reserve = options->arena_bytes ? options->arena_bytes : ARENA_BYTES_DEFAULT;
     if (!s || sv_arena_create(reserve, &s->arena, &error) != SV_OK) {
@@ -147,8 +146,6 @@ enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_o
         sv_loading_fail(&l, &error, "scene");
     } else if (load_all(&l)) {
         s->spec = *spec;
-        s->objects = s->spec.objects;
-        s->object_count = s->spec.object_count;
         *spec = (struct sv_scene_spec){0};
         *scene = s;
         return SV_OK;

@@ -22,6 +22,23 @@ struct sv_species {
     uint32_t tree_count;
 };
 
+/* A model that objects stand for: one for each file, however many objects show it. */
+struct sv_object_model {
+    const char *file;         /* path of the model; borrowed from the scene's spec */
+    struct sv_tree_mesh mesh; /* arena; model space as for trees (frames.h), nothing in it is a leaf */
+    uint64_t key;             /* hash of all that the mesh was made from: key of what is baked from it */
+    uint32_t object_count;
+};
+
+/* One entry of the scene file's "objects", in its order: index k is SV_ID_OBJECT_FIRST + k in layer=id. */
+struct sv_scene_object {
+    int model;          /* index in sv_scene.models */
+    double x, y, z;     /* world: where the model's anchor stands (import.h), z: the ground there */
+    double heading_rad; /* clockwise from grid north that the model's -Z (north) is turned to; 0 .. 2 pi */
+    double height_m;
+    int relief_resolution; /* texels along the longest side of its box */
+};
+
 /* What of the inputs is not in the scene as it was given; the log says the same in words. */
 struct sv_scene_counts {
     uint64_t voids_filled;                          /* samples of the DEM */
@@ -39,8 +56,10 @@ struct sv_scene {
     int species_count;
     struct sv_forest forest;
     struct sv_sun sun;
-    const struct sv_object_spec *objects; /* kept; drawn by a later version */
+    const struct sv_scene_object *objects; /* arena */
     int object_count;
+    const struct sv_object_model *models; /* arena; of the objects */
+    int model_count;
     double relief_distance_m;
     int relief_resolution;
     struct sv_scene_counts counts;
@@ -56,8 +75,9 @@ struct sv_scene_options {
     sv_scene_log log;       /* may be NULL */
     void *log_context;
     size_t arena_bytes; /* address space to reserve; 0: 64 GiB */
-    /* Called at most once, when the terrain and its colours are there, before the first species is looked up
-     * in the store; may be NULL. Whoever builds species into the store side by side is waited for here. */
+    /* Called at most once, when the terrain and its colours are there, before the first species or model of
+     * an object is looked up in the store; may be NULL. Whoever builds these into the store side by side is
+     * waited for here. */
     void (*before_species)(void *context);
     void *before_species_context;
 };
@@ -73,5 +93,10 @@ void sv_scene_destroy(struct sv_scene *scene);
 SV_MUST_CHECK enum sv_status sv_species_build(const struct sv_species_spec *spec, struct sv_store *store,
                                               struct sv_tree_mesh *mesh, uint64_t *key,
                                               struct sv_errors *notes, struct sv_error *error);
+
+/* The same for the model of an object (sv_object_import). */
+SV_MUST_CHECK enum sv_status sv_object_build(const char *model, struct sv_store *store,
+                                             struct sv_tree_mesh *mesh, uint64_t *key,
+                                             struct sv_errors *notes, struct sv_error *error);
 
 #endif

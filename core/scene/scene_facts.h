@@ -24,7 +24,10 @@ struct sv_species_facts {
 
 struct sv_object_facts {
     const char *model;
-    double x, y, heading_rad, height_m;
+    double x, y, z, heading_rad, height_m; /* z: of its base */
+    int relief_resolution;
+    uint32_t triangle_count;
+    uint64_t relief_bytes; /* of its six relief textures; equal objects share them. 0: not built */
 };
 
 struct sv_scene_facts {

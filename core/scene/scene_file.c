@@ -325,7 +325,7 @@ static const struct sv_value_field OBJECT[] = {
     {"y", "number", "m", -1e9, 1e9, 0, sv_value_number, NULL, MUST(sv_object_spec, y)},
     {"heading_deg", "number", "deg", -360, 360, 0, sv_value_number, NULL, IN(sv_object_spec, heading_deg)},
     {"height_m", "number", "m", 0.01, 10000, 0, sv_value_number, NULL, MUST(sv_object_spec, height_m)},
-    {"relief_resolution", "integer", "texels", 8, 4096, 128, sv_value_int, NULL,
+    {"relief_resolution", "integer", "texels", 8, 2048, 128, sv_value_int, NULL,
      IN(sv_object_spec, relief_resolution)},
 };
 static const struct sv_value_section OBJECT_SECTION = SECTION(OBJECT);

@@ -1,4 +1,5 @@
-/* species.c - one species as a mesh: from the store, or imported, or grown, and then kept.
+/* species.c - one species, or the model of an object, as a mesh: from the store, or imported, or grown, and
+ * then kept.
  *
  * The key hashes all that the mesh is made from: for a grown tree habit, leaves, seed and the grower's
  * version; for a model its name, its bytes, and name, size and time of every file in its folder and one
@@ -57,8 +58,9 @@ static enum sv_status hash_contents(const char *path, uint64_t *h, struct sv_err
 
 static bool is_companion(const char *name)
 {
-    static const char *const suffixes[] = {".mtl",  ".bin",  ".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif",
-                                           ".tiff", ".webp", ".gif", ".rgb", ".dds",  ".psd", ".hdr", ".exr"};
+    static const char *const suffixes[] = {".mtl", ".bin", ".png",  ".jpg",  ".jpeg", ".tga",
+                                           ".bmp", ".tif", ".tiff", ".webp", ".gif",  ".rgb",
+                                           ".dds", ".psd", ".hdr",  ".exr",  ".sgi"};
     const char *dot = strrchr(name, '.');
     for (size_t k = 0; dot && k < sizeof suffixes / sizeof suffixes[0]; k++)
         if (strcasecmp(dot, suffixes[k]) == 0)
@@ -93,10 +95,11 @@ static uint64_t hash_folder(const char *folder, const char *inner, int deeper)
     return sum;
 }
 
-static enum sv_status model_key(const char *model, uint64_t *key, struct sv_error *error)
+/* way: how the file is read; the same file as a tree and as an object are two meshes. */
+static enum sv_status model_key(const char *model, const char *way, uint64_t *key, struct sv_error *error)
 {
     const char *slash = strrchr(model, '/');
-    uint64_t h = sv_hash_string(sv_hash_string(SV_HASH_INIT, "import"), slash ? slash + 1 : model);
+    uint64_t h = sv_hash_string(sv_hash_string(SV_HASH_INIT, way), slash ? slash + 1 : model);
     enum sv_status status = hash_contents(model, &h, error);
     if (status != SV_OK)
         return status;
@@ -182,16 +185,41 @@ static bool recall(struct sv_store *store, uint64_t key, struct sv_tree_mesh *me
 
 /* ---- building ---- */
 
-static enum sv_status build(const struct sv_species_spec *spec, struct sv_tree_mesh *mesh,
-                            struct sv_errors *notes, struct sv_error *error)
+/* What is to be made: a species, or (species NULL) the model of an object. */
+struct wanted {
+    const struct sv_species_spec *species;
+    const char *model;
+};
+
+static enum sv_status make(const struct wanted *wanted, struct sv_tree_mesh *mesh, struct sv_errors *notes,
+                           struct sv_error *error)
 {
-    struct sv_tree_mesh made = {0};
-    enum sv_status status = spec->model ? sv_tree_import(spec->model, &made, notes, error)
-                                        : sv_tree_grow(spec->habit, spec->leaves, spec->seed, &made, error);
-    if (status != SV_OK)
-        return status;
-    *mesh = made;
-    return SV_OK;
+    const struct sv_species_spec *s = wanted->species;
+    if (!s)
+        return sv_object_import(wanted->model, mesh, notes, error);
+    return s->model ? sv_tree_import(s->model, mesh, notes, error)
+                    : sv_tree_grow(s->habit, s->leaves, s->seed, mesh, error);
+}
+
+/* From the store, or made and kept there; told what was told when it was made. */
+static enum sv_status obtain(const struct wanted *wanted, uint64_t key, struct sv_store *store,
+                             struct sv_tree_mesh *mesh, struct sv_errors *notes, struct sv_error *error)
+{
+    struct sv_errors said;
+    enum sv_status status = SV_OK;
+    sv_errors_init(&said);
+    if (!recall(store, key, mesh, &said)) {
+        struct sv_tree_mesh made = {0};
+        status = make(wanted, &made, &said, error);
+        if (status == SV_OK) {
+            *mesh = made;
+            keep(store, key, mesh, &said);
+        }
+    }
+    for (size_t k = 0; notes && k < said.count; k++)
+        sv_errors_add(notes, said.items[k].code, said.items[k].field, "%s", said.items[k].message);
+    sv_errors_finish(&said);
+    return status;
 }
 
 enum sv_status sv_species_build(const struct sv_species_spec *spec, struct sv_store *store,
@@ -201,21 +229,23 @@ enum sv_status sv_species_build(const struct sv_species_spec *spec, struct sv_st
     uint64_t made_of = 0;
     enum sv_status status = SV_OK;
     if (spec->model)
-        status = model_key(spec->model, &made_of, error);
+        status = model_key(spec->model, "import", &made_of, error);
     else
         made_of = grown_key(spec);
-    if (status != SV_OK)
-        return status;
-    struct sv_errors said;
-    sv_errors_init(&said);
-    if (!recall(store, made_of, mesh, &said)) {
-        status = build(spec, mesh, &said, error);
-        if (status == SV_OK)
-            keep(store, made_of, mesh, &said);
-    }
-    for (size_t k = 0; notes && k < said.count; k++)
-        sv_errors_add(notes, said.items[k].code, said.items[k].field, "%s", said.items[k].message);
-    sv_errors_finish(&said);
+    if (status == SV_OK)
+        status = obtain(&(struct wanted){.species = spec}, made_of, store, mesh, notes, error);
+    if (status == SV_OK)
+        *key = made_of;
+    return status;
+}
+
+enum sv_status sv_object_build(const char *model, struct sv_store *store, struct sv_tree_mesh *mesh,
+                               uint64_t *key, struct sv_errors *notes, struct sv_error *error)
+{
+    uint64_t made_of = 0;
+    enum sv_status status = model_key(model, "object1", &made_of, error);
+    if (status == SV_OK)
+        status = obtain(&(struct wanted){.model = model}, made_of, store, mesh, notes, error);
     if (status == SV_OK)
         *key = made_of;
     return status;

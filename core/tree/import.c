@@ -523,31 +523,45 @@ static void note_dropped(const struct raw_model *raw, const char *path, struct s
                       raw->triangle_count);
 }
 
-enum sv_status sv_tree_import(const char *path, struct sv_tree_mesh *mesh, struct sv_errors *notes,
-                              struct sv_error *error)
+static enum sv_status import(const char *path, bool is_object, struct sv_tree_mesh *mesh,
+                             struct sv_errors *notes, struct sv_error *error)
 {
     sv_image_init();
-    struct raw_model raw = {0};
+    struct raw_model raw = {.is_object = is_object};
     struct sv_tree_mesh made = {0};
     uint32_t leaves = 0;
     enum sv_status status = read_file(path, &raw, notes, error);
     if (status == SV_OK) {
         note_dropped(&raw, path, notes);
-        status = raw_find_leaves(&raw, &leaves, error);
+        status = is_object ? raw_find_masks(&raw, error) : raw_find_leaves(&raw, &leaves, error);
     }
     if (status == SV_OK)
         status = raw_shape(&raw, path, &made, notes, error);
     made.leaf_count = leaves;
     if (status == SV_OK)
         status = sv_tree_mesh_measure(&made, error);
+    if (status == SV_OK && is_object)
+        status = raw_measure_sky(&made, error);
     raw_finish(&raw);
-    if (status != SV_OK) {
+    if (status != SV_OK)
         sv_tree_mesh_finish(&made);
-        return status;
-    }
-    if (notes && made.leaf_count == 0)
+    else
+        *mesh = made;
+    return status;
+}
+
+enum sv_status sv_tree_import(const char *path, struct sv_tree_mesh *mesh, struct sv_errors *notes,
+                              struct sv_error *error)
+{
+    enum sv_status status = import(path, false, mesh, notes, error);
+    if (status == SV_OK && notes && mesh->leaf_count == 0)
         sv_errors_add(notes, SV_ENOENT, path,
                       "no leaves found (neither by alpha nor by name): all of it is drawn as wood");
-    *mesh = made;
-    return SV_OK;
+    return status;
+}
+
+enum sv_status sv_object_import(const char *path, struct sv_tree_mesh *mesh, struct sv_errors *notes,
+                                struct sv_error *error)
+{
+    return import(path, true, mesh, notes, error);
 }

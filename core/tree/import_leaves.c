@@ -233,17 +233,39 @@ static enum sv_status judge_all(struct raw_model *raw, uint32_t *parent, const s
     return SV_OK;
 }
 
+static enum sv_status start_parts(const struct raw_model *raw, uint32_t **parent, struct part **parts,
+                                  struct sv_error *error)
+{
+    *parent = malloc(((size_t)raw->vertex_count + 1) * sizeof **parent);
+    *parts = calloc((size_t)raw->vertex_count + 1, sizeof **parts);
+    if (!*parent || !*parts)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for %u vertices", raw->vertex_count);
+    find_parts(raw, *parent, *parts);
+    return SV_OK;
+}
+
+enum sv_status raw_find_masks(struct raw_model *raw, struct sv_error *error)
+{
+    uint32_t *parent = NULL;
+    struct part *parts = NULL;
+    enum sv_status status = start_parts(raw, &parent, &parts, error);
+    for (int k = 0; status == SV_OK && k < raw->material_count; k++) {
+        struct part sum = sum_material(raw, k, parent, parts);
+        judge(&raw->materials[k], &sum, false);
+        raw->materials[k].is_leaf = false;
+    }
+    free(parent);
+    free(parts);
+    return status;
+}
+
 enum sv_status raw_find_leaves(struct raw_model *raw, uint32_t *leaf_count, struct sv_error *error)
 {
-    uint32_t *parent = malloc(((size_t)raw->vertex_count + 1) * sizeof *parent);
-    struct part *parts = calloc((size_t)raw->vertex_count + 1, sizeof *parts);
-    enum sv_status status = SV_OK;
-    if (!parent || !parts)
-        status = sv_fail(error, SV_ENOMEM, NULL, "no memory for %u vertices", raw->vertex_count);
-    if (status == SV_OK) {
-        find_parts(raw, parent, parts);
+    uint32_t *parent = NULL;
+    struct part *parts = NULL;
+    enum sv_status status = start_parts(raw, &parent, &parts, error);
+    if (status == SV_OK)
         status = judge_all(raw, parent, parts, error);
-    }
     if (status == SV_OK)
         *leaf_count = count_leaves(raw, parent, parts);
     free(parent);

@@ -3,7 +3,8 @@
  *   import.c          assimp's scene -> struct raw_model: triangles in the file's world, materials, names
  *   import_texture.c  textures -> RGBA, opacity maps put into alpha, colour spread under alpha 0
  *   import_leaves.c   which materials, or parts of them, are leaves; how many leaves there are
- *   import_shape.c    frame, trunk axis, normals, each vertex once -> struct sv_tree_mesh */
+ *   import_shape.c    frame, trunk axis, normals, each vertex once -> struct sv_tree_mesh
+ *   import_sky.c      objects only: the share of the sky that each vertex of a solid body sees */
 #ifndef SV_TREE_IMPORT_PARTS_H
 #define SV_TREE_IMPORT_PARTS_H
 
@@ -55,6 +56,7 @@ struct raw_triangle {
 };
 
 struct raw_model {
+    bool is_object; /* a body (house, rock, vehicle), not a tree: no trunk is sought, nothing is a leaf */
     struct raw_vertex *vertices;
     uint32_t vertex_count;
     struct raw_triangle *triangles;
@@ -98,6 +100,9 @@ int raw_name_hint(const struct raw_material *material);
 SV_MUST_CHECK enum sv_status raw_find_leaves(struct raw_model *raw, uint32_t *leaf_count,
                                              struct sv_error *error);
 
+/* Sets masked of every material and is_leaf of none: what an object needs. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status raw_find_masks(struct raw_model *raw, struct sv_error *error);
+
 /* Share of a material's edges that belong to one triangle only (1: all, or no triangle): high for sheets, low
  * for tubes. place maps vertices that count as one; NULL: as indexed. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status raw_open_share(const struct raw_model *raw, int material, const uint32_t *place,
@@ -107,5 +112,9 @@ SV_MUST_CHECK enum sv_status raw_open_share(const struct raw_model *raw, int mat
  * SV_EFORMAT (no triangle, no height), SV_ELIMIT, SV_ENOMEM; path names the file in messages. */
 SV_MUST_CHECK enum sv_status raw_shape(struct raw_model *raw, const char *path, struct sv_tree_mesh *mesh,
                                        struct sv_errors *notes, struct sv_error *error);
+
+/* Sets every vertex's occlusion to the share of ambient light that the body itself leaves it (import_sky.c),
+ * and open to all lit. Deterministic. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status raw_measure_sky(struct sv_tree_mesh *mesh, struct sv_error *error);
 
 #endif

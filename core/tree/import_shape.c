@@ -1,5 +1,5 @@
 /* import_shape.c - an imported model brought into tree space: Z up, base at 0, height 1, trunk on the axis;
- * normals; each vertex once.
+ * normals; each vertex once. Objects have no trunk: see import.h for where they stand.
  *
  * Where the trunk stands: the mean place, weighted by area, of the wood within 3 % of the height above the
  * wood's lowest point, if that wood keeps within 20 % of the height of its mean; that is a trunk's foot,
@@ -23,6 +23,8 @@
 #define CREASE_COSINE 0.5
 #define OPEN_SHARE 0.3    /* of the edges have one face only: a sheet, seen from both sides */
 #define FLATTEST 1e-3     /* least height over width */
+#define ANCHOR_SLACK 1e-3 /* of the plan's width: an origin this little outside of an object counts as in */
+#define ANCHOR_FAR 0.35   /* of the plan's width from its middle: worth a word */
 #define TRANSLUCENCY 0.3f /* of a leaf whose material is unknown: between the grown habits' 0.12 and 0.35 */
 enum { FAN_MAX = 256, SLAB_SAMPLES = 64 };
 
@@ -114,6 +116,29 @@ static bool find_trunk(const struct raw_model *raw, double low, double depth, do
     return true;
 }
 
+/* An object stands by its own origin where that lies in its ground plan, else by the plan's middle. */
+static void anchor_object(const double lo[3], const double hi[3], const char *path, double axis[2],
+                          struct sv_errors *notes)
+{
+    double middle[2] = {0.5 * (lo[0] + hi[0]), 0.5 * (lo[1] + hi[1])};
+    double size[2] = {hi[0] - lo[0], hi[1] - lo[1]};
+    bool inside = true, far = false;
+    for (int a = 0; a < 2; a++) {
+        /* rounding of a file's decimals may put a corner that is the origin a hair outside */
+        inside = inside && fabs(middle[a]) <= (0.5 + ANCHOR_SLACK) * size[a];
+        far = far || fabs(middle[a]) > ANCHOR_FAR * size[a];
+    }
+    axis[0] = inside ? 0 : middle[0], axis[1] = inside ? 0 : middle[1];
+    if (notes && !inside)
+        sv_errors_add(notes, SV_EINVAL, path,
+                      "the origin lies outside of its ground plan: the plan's middle stands at the place");
+    else if (notes && far)
+        sv_errors_add(notes, SV_EINVAL, path,
+                      "its own origin, which stands at the place, is far from the middle of its ground plan: "
+                      "that is %.2f heights to the east and %.2f to the north of it",
+                      middle[0] / (hi[2] - lo[2]), middle[1] / (hi[2] - lo[2]));
+}
+
 static enum sv_status find_frame(const struct raw_model *raw, const char *path, struct frame *frame,
                                  struct sv_errors *notes, struct sv_error *error)
 {
@@ -130,8 +155,12 @@ static enum sv_status find_frame(const struct raw_model *raw, const char *path, 
     double width = fmax(hi[0] - lo[0], hi[1] - lo[1]);
     frame->base = lo[2], frame->height = hi[2] - lo[2];
     if (!(frame->height > FLATTEST * width) || !isfinite(width) || !isfinite(frame->height))
-        return sv_fail(error, SV_EFORMAT, path, "is %g high and %g wide: no tree stands in it (Y is up)",
-                       frame->height, width);
+        return sv_fail(error, SV_EFORMAT, path, "is %g high and %g wide: no %s stands in it (Y is up)",
+                       frame->height, width, raw->is_object ? "object" : "tree");
+    if (raw->is_object) {
+        anchor_object(lo, hi, path, frame->axis, notes);
+        return SV_OK;
+    }
     if (isfinite(wood) &&
         find_trunk(raw, wood, TRUNK_SLAB * frame->height, TRUNK_SPREAD * frame->height, frame->axis))
         return SV_OK;

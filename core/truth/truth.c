@@ -1,5 +1,5 @@
-/* truth.c - see truth.h. Two-level Embree scene: one scene a species, an instance a tree, terrain as user
- * geometry.
+/* truth.c - see truth.h. Two-level Embree scene: one scene a species or model, an instance a tree or object,
+ * terrain as user geometry. Geometry ids: trees by their place in the forest, then the terrain, then objects.
  *
  * Coordinates are relative to the scene's centre (frames.h, "local"); the terrain gets each ray in double
  * besides. */
@@ -19,13 +19,13 @@
 #include "core/truth/terrain_shade.h"
 #include "core/truth/texture.h"
 
-/* What a hit on a species' geometry needs: geometry ids of a species' scene are its materials' indices. */
+/* What a hit on a mesh's geometry needs: geometry ids of a mesh's scene are its materials' indices. */
 struct leaf_mask {
     const struct sv_tree_mesh *mesh;
     const struct sv_tree_material *material;
 };
 
-struct species_scene {
+struct mesh_scene {
     RTCScene scene;
     struct leaf_mask masks[SV_TREE_MATERIALS_MAX];
 };
@@ -34,10 +34,11 @@ struct sv_truth {
     const struct sv_scene *scene;
     struct sv_vec3 origin; /* world place of local (0, 0, 0) */
     RTCDevice device;
-    RTCScene full, terrain_only;
-    struct species_scene *species;
+    RTCScene full, terrain_only; /* objects are in both */
+    struct mesh_scene *species, *models;
     struct sv_terrain_patches patches;
     unsigned terrain_id; /* geometry id of the terrain: above every tree's */
+    unsigned object_id;  /* of the first object: above the terrain's */
 };
 
 struct device_error {
@@ -77,14 +78,12 @@ static void filter(const struct RTCFilterFunctionNArguments *args)
         args->valid[0] = 0;
 }
 
-static enum sv_status build_species(struct sv_truth *truth, int k, struct sv_error *error)
+static enum sv_status build_mesh(struct sv_truth *truth, const struct sv_tree_mesh *mesh, const char *name,
+                                 struct mesh_scene *s, struct sv_error *error)
 {
-    const struct sv_tree_mesh *mesh = &truth->scene->species[k].mesh;
-    struct species_scene *s = &truth->species[k];
     s->scene = rtcNewScene(truth->device);
     if (!s->scene)
-        return sv_fail(error, SV_EINTERNAL, "embree", "no scene for species %s",
-                       truth->scene->species[k].name);
+        return sv_fail(error, SV_EINTERNAL, "embree", "no scene for the mesh of %s", name);
     for (int m = 0; m < mesh->material_count; m++) {
         const struct sv_tree_material *material = &mesh->materials[m];
         if (material->index_count == 0)
@@ -109,23 +108,43 @@ static enum sv_status build_species(struct sv_truth *truth, int k, struct sv_err
     return SV_OK;
 }
 
-/* local_from_model of a tree, 3 x 4 column-major: scale, clockwise rotation, place. */
-static void tree_transform(const struct sv_truth *truth, const struct sv_tree *tree, float m[12])
+/* Where a mesh stands. */
+struct stance {
+    struct sv_vec3 place; /* world */
+    float height_m, rotation_rad;
+};
+
+static struct stance tree_stance(const struct sv_tree *tree)
 {
-    float c = cosf(tree->rotation_rad) * tree->height_m, s = sinf(tree->rotation_rad) * tree->height_m;
-    const float t[12] = {c,
-                         -s,
-                         0,
-                         s,
-                         c,
-                         0,
-                         0,
-                         0,
-                         tree->height_m,
-                         (float)(tree->x - truth->origin.x),
-                         (float)(tree->y - truth->origin.y),
-                         (float)(tree->z - truth->origin.z)};
+    return (struct stance){sv_vec3(tree->x, tree->y, tree->z), tree->height_m, tree->rotation_rad};
+}
+
+static struct stance object_stance(const struct sv_scene_object *o)
+{
+    return (struct stance){sv_vec3(o->x, o->y, o->z), (float)o->height_m, (float)o->heading_rad};
+}
+
+/* local_from_model, 3 x 4 column-major: scale, clockwise rotation, place. */
+static void stance_transform(const struct sv_truth *truth, const struct stance *at, float m[12])
+{
+    float c = cosf(at->rotation_rad) * at->height_m, s = sinf(at->rotation_rad) * at->height_m;
+    struct sv_vec3 local = sv_sub(at->place, truth->origin);
+    const float t[12] = {
+        c, -s, 0, s, c, 0, 0, 0, at->height_m, (float)local.x, (float)local.y, (float)local.z};
     memcpy(m, t, sizeof t);
+}
+
+/* A new instance; the caller attaches and releases it. */
+static RTCGeometry make_instance(const struct sv_truth *truth, const struct mesh_scene *mesh,
+                                 struct stance at)
+{
+    RTCGeometry g = rtcNewGeometry(truth->device, RTC_GEOMETRY_TYPE_INSTANCE);
+    float m[12];
+    stance_transform(truth, &at, m);
+    rtcSetGeometryInstancedScene(g, mesh->scene);
+    rtcSetGeometryTransform(g, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, m);
+    rtcCommitGeometry(g);
+    return g;
 }
 
 static void attach_trees(struct sv_truth *truth)
@@ -133,15 +152,34 @@ static void attach_trees(struct sv_truth *truth)
     const struct sv_forest *forest = &truth->scene->forest;
     for (uint32_t k = 0; k < forest->count; k++) {
         const struct sv_tree *tree = &forest->trees[k];
-        RTCGeometry g = rtcNewGeometry(truth->device, RTC_GEOMETRY_TYPE_INSTANCE);
-        float m[12];
-        tree_transform(truth, tree, m);
-        rtcSetGeometryInstancedScene(g, truth->species[tree->species].scene);
-        rtcSetGeometryTransform(g, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, m);
-        rtcCommitGeometry(g);
+        RTCGeometry g = make_instance(truth, &truth->species[tree->species], tree_stance(tree));
         rtcAttachGeometryByID(truth->full, g, k);
         rtcReleaseGeometry(g);
     }
+}
+
+static void attach_objects(struct sv_truth *truth)
+{
+    for (int k = 0; k < truth->scene->object_count; k++) {
+        const struct sv_scene_object *o = &truth->scene->objects[k];
+        RTCGeometry g = make_instance(truth, &truth->models[o->model], object_stance(o));
+        rtcAttachGeometryByID(truth->full, g, truth->object_id + (unsigned)k);
+        rtcAttachGeometryByID(truth->terrain_only, g, truth->object_id + (unsigned)k);
+        rtcReleaseGeometry(g);
+    }
+}
+
+static enum sv_status build_meshes(struct sv_truth *truth, struct sv_error *error)
+{
+    const struct sv_scene *scene = truth->scene;
+    enum sv_status status = SV_OK;
+    for (int k = 0; k < scene->species_count && !status; k++)
+        if (scene->species[k].tree_count)
+            status =
+                build_mesh(truth, &scene->species[k].mesh, scene->species[k].name, &truth->species[k], error);
+    for (int k = 0; k < scene->model_count && !status; k++)
+        status = build_mesh(truth, &scene->models[k].mesh, scene->models[k].file, &truth->models[k], error);
+    return status;
 }
 
 static enum sv_status build(struct sv_truth *truth, struct sv_error *error)
@@ -153,22 +191,22 @@ static enum sv_status build(struct sv_truth *truth, struct sv_error *error)
         return sv_fail(error, SV_EINTERNAL, "embree", "no device: error %d", (int)rtcGetDeviceError(NULL));
     rtcSetDeviceErrorFunction(truth->device, note_error, &problem);
     truth->species = calloc((size_t)scene->species_count + 1, sizeof *truth->species);
-    if (!truth->species)
-        return sv_fail(error, SV_ENOMEM, NULL, "no memory for the ray-cast species");
+    truth->models = calloc((size_t)scene->model_count + 1, sizeof *truth->models);
+    if (!truth->species || !truth->models)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for the ray-cast meshes");
     truth->full = rtcNewScene(truth->device);
     truth->terrain_only = rtcNewScene(truth->device);
-    for (int k = 0; k < scene->species_count; k++) {
-        enum sv_status status = scene->species[k].tree_count ? build_species(truth, k, error) : SV_OK;
-        if (status)
-            return status;
-    }
+    enum sv_status status = build_meshes(truth, error);
+    if (status)
+        return status;
+    truth->terrain_id = scene->forest.count;
+    truth->object_id = truth->terrain_id + 1;
     attach_trees(truth);
-    enum sv_status status =
-        sv_terrain_patches_init(&truth->patches, &scene->terrain.field, truth->origin, error);
+    attach_objects(truth);
+    status = sv_terrain_patches_init(&truth->patches, &scene->terrain.field, truth->origin, error);
     if (status)
         return status;
     RTCGeometry terrain = sv_terrain_patches_geometry(truth->device, &truth->patches);
-    truth->terrain_id = scene->forest.count;
     rtcAttachGeometryByID(truth->full, terrain, truth->terrain_id);
     rtcAttachGeometryByID(truth->terrain_only, terrain, truth->terrain_id);
     rtcReleaseGeometry(terrain);
@@ -215,10 +253,13 @@ void sv_truth_destroy(struct sv_truth *truth)
     release_scene(truth->terrain_only);
     for (int k = 0; truth->species && k < truth->scene->species_count; k++)
         release_scene(truth->species[k].scene);
+    for (int k = 0; truth->models && k < truth->scene->model_count; k++)
+        release_scene(truth->models[k].scene);
     if (truth->device)
         rtcReleaseDevice(truth->device);
     sv_terrain_patches_finish(&truth->patches);
     free(truth->species);
+    free(truth->models);
     free(truth);
 }
 
@@ -239,7 +280,7 @@ struct hit {
     bool terrain;
     double depth_m;
     struct sv_vec3 local;  /* place */
-    struct sv_vec3 normal; /* shading normal, unit, turned to the viewer on trees */
+    struct sv_vec3 normal; /* shading normal, unit, turned to the viewer on trees and objects */
     float albedo[3], occlusion, translucency;
     float open; /* share of the sun that the tree's own crown is taken to let through, where no shadow is cast
                  */
@@ -268,12 +309,28 @@ static struct sv_vec3 model_normal(const struct sv_tree_vertex *v)
     return sv_vec3(v->normal[0], v->normal[1], v->normal[2]);
 }
 
-static void tree_hit(const struct caster *caster, const struct RTCHit *h, struct sv_vec3 direction,
+/* The mesh that was hit, and its stance; writes the id. */
+static const struct leaf_mask *hit_instance(const struct sv_truth *truth, const struct RTCHit *h,
+                                            double *rotation_rad, uint32_t *id)
+{
+    if (h->instID[0] >= truth->object_id) {
+        unsigned k = h->instID[0] - truth->object_id;
+        const struct sv_scene_object *o = &truth->scene->objects[k];
+        *rotation_rad = o->heading_rad;
+        *id = SV_ID_OBJECT_FIRST + k;
+        return &truth->models[o->model].masks[h->geomID];
+    }
+    const struct sv_tree *tree = &truth->scene->forest.trees[h->instID[0]];
+    *rotation_rad = (double)tree->rotation_rad;
+    *id = SV_ID_TREE_FIRST + tree->number;
+    return &truth->species[tree->species].masks[h->geomID];
+}
+
+static void mesh_hit(const struct caster *caster, const struct RTCHit *h, struct sv_vec3 direction,
                      struct hit *hit)
 {
-    const struct sv_truth *truth = caster->truth;
-    const struct sv_tree *tree = &truth->scene->forest.trees[h->instID[0]];
-    const struct leaf_mask *mask = &truth->species[tree->species].masks[h->geomID];
+    double rotation_rad;
+    const struct leaf_mask *mask = hit_instance(caster->truth, h, &rotation_rad, &hit->id);
     const struct sv_tree_material *material = mask->material;
     const uint32_t *index = mask->mesh->indices + material->first_index + (size_t)h->primID * 3;
     const struct sv_tree_vertex *a = &mask->mesh->vertices[index[0]], *b = &mask->mesh->vertices[index[1]],
@@ -281,10 +338,10 @@ static void tree_hit(const struct caster *caster, const struct RTCHit *h, struct
     double u = (double)h->u, v = (double)h->v, w = 1 - u - v;
     struct sv_vec3 n = sv_scale(model_normal(a), w);
     n = sv_madd(sv_madd(n, model_normal(b), u), model_normal(c), v);
-    n = sv_normalize(sv_rotate_clockwise(n, (double)tree->rotation_rad));
+    n = sv_normalize(sv_rotate_clockwise(n, rotation_rad));
     hit->normal = sv_dot(n, direction) > 0 ? sv_scale(n, -1) : n;
     hit->occlusion = (float)((w * a->occlusion + u * b->occlusion + v * c->occlusion) / 65535);
-    struct sv_vec3 sun = sv_rotate_clockwise(caster->light->to_sun, -(double)tree->rotation_rad);
+    struct sv_vec3 sun = sv_rotate_clockwise(caster->light->to_sun, -rotation_rad);
     const float d[3] = {(float)sun.x, (float)sun.y, (float)sun.z};
     hit->open = (float)(w * (double)sv_tree_vertex_open(a, d) + u * (double)sv_tree_vertex_open(b, d) +
                         v * (double)sv_tree_vertex_open(c, d));
@@ -298,7 +355,6 @@ static void tree_hit(const struct caster *caster, const struct RTCHit *h, struct
         hit->albedo[k] = rgba[k] * material->base_color[k];
     hit->leaf = material->is_leaf;
     hit->translucency = material->translucency;
-    hit->id = SV_ID_TREE_FIRST + tree->number;
 }
 
 static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_vec3 direction,
@@ -323,7 +379,7 @@ static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_v
     hit->local = sv_madd(origin, direction, hit->depth_m);
     hit->terrain = rh.hit.instID[0] == RTC_INVALID_GEOMETRY_ID;
     if (!hit->terrain) {
-        tree_hit(caster, &rh.hit, direction, hit);
+        mesh_hit(caster, &rh.hit, direction, hit);
         return;
     }
     double pixel_m = caster->camera->projection == SV_PROJECTION_PERSPECTIVE

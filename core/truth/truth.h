@@ -1,4 +1,4 @@
-/* truth.h - the ray-cast reference, by Embree: every polygon of every tree, the terrain at full detail, alpha masks in a
+/* truth.h - the ray-cast reference, by Embree: every polygon of every tree and object, the terrain at full detail, alpha masks in a
  * filter function, shadow rays. Slow and right; everything else is measured against it.
  *
  * One thread (Embree device threads=1), built before the fork, read by all workers. */
@@ -13,7 +13,7 @@ struct sv_truth;
 struct sv_truth_options {
     unsigned layers;  /* bit set of 1u << enum sv_layer */
     int samples;      /* 1, 4, 16, 64: positions of sv_camera_sample_offset */
-    bool trees;       /* false: terrain only */
+    bool trees;       /* false: terrain and objects */
     bool shadows;
     bool sky;         /* false: transparent where the sky is */
     int row_first, row_count; /* band of destination rows */

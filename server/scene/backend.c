@@ -105,10 +105,22 @@ static void species_facts(const struct sv_backend *backend, struct sv_species_fa
     }
 }
 
+static void object_facts(const struct sv_scene *scene, int i, struct sv_object_facts *out)
+{
+    const struct sv_scene_object *o = &scene->objects[i];
+    *out = (struct sv_object_facts){.model = scene->models[o->model].file,
+                                    .x = o->x,
+                                    .y = o->y,
+                                    .z = o->z,
+                                    .heading_rad = o->heading_rad,
+                                    .height_m = o->height_m,
+                                    .relief_resolution = o->relief_resolution,
+                                    .triangle_count = scene->models[o->model].mesh.index_count / 3};
+}
+
 static char *make_document(const struct sv_backend *backend, const struct sv_backend_options *options,
                            double load_s)
 {
-    static const double radian = 3.14159265358979323846 / 180;
     const struct sv_scene *scene = backend->scene;
     struct sv_species_facts *species = calloc((size_t)scene->species_count + 1, sizeof *species);
     struct sv_object_facts *objects = calloc((size_t)scene->object_count + 1, sizeof *objects);
@@ -139,11 +151,7 @@ static char *make_document(const struct sv_backend *backend, const struct sv_bac
         place_facts(backend, &facts);
         species_facts(backend, species);
         for (int i = 0; i < scene->object_count; i++)
-            objects[i] = (struct sv_object_facts){.model = scene->objects[i].model,
-                                                  .x = scene->objects[i].x,
-                                                  .y = scene->objects[i].y,
-                                                  .heading_rad = scene->objects[i].heading_deg * radian,
-                                                  .height_m = scene->objects[i].height_m};
+            object_facts(scene, i, &objects[i]);
         document = sv_api_scene_doc(&facts, &bytes);
     }
     free(species);

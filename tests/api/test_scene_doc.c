@@ -34,7 +34,8 @@ static void full(void **state)
         {.name = "b\xC3\xBC"
                  "che\xFF",
          .tree_count = 16000}};
-    const struct sv_object_facts object = {"/home/someone/hut.glb", 1, 2, sv_radians(30), 6};
+    const struct sv_object_facts object = {
+        "/home/someone/hut.glb", 1, 2, 99, sv_radians(30), 6, 128, 400, 1234567};
     struct sv_scene_facts f = {.name = "demo",
                                .version = 0x1234,
                                .crs_name = "EPSG:32633",
@@ -89,6 +90,12 @@ static void full(void **state)
     const cJSON *hut = cJSON_GetArrayItem(cJSON_GetObjectItem(root, "objects"), 0);
     assert_string_equal(cJSON_GetStringValue(cJSON_GetObjectItem(hut, "model")), "hut.glb"); /* no folder */
     assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "heading")) == 30);
+    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "index")) == 0);
+    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "id")) == 1073741824.0);
+    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "z")) == 99);
+    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "relief_resolution")) == 128);
+    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "triangles")) == 400);
+    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "relief_bytes")) == 1234567);
     cJSON_Delete(root);
 }
 

@@ -237,6 +237,10 @@ static uint64_t hash_ground(const struct sv_scene *s)
     return sv_hash_done(sv_hash_double(sv_hash_double(h, t->field.dx), (double)t->field.h_max));
 }
 
+/* A tent on the ground: a triangular prism along x. */
+static const char HUT[] = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv -1 1 0\nv 1 1 0\n"
+                          "f 4 3 6 5\nf 2 1 5 6\nf 1 4 5\nf 3 2 6\nf 1 2 3 4\n";
+
 static void test_scatter(void **state)
 {
     struct work *w = *state;
@@ -246,14 +250,14 @@ static void test_scatter(void **state)
         "\"objects\":[{\"model\":\"hut.obj\",\"x\":1,\"y\":2,\"height_m\":3}],"
         "\"sun\":{\"azimuth_deg\":90,\"elevation_deg\":30},\"relief\":{\"distance_m\":70,\"resolution\":256}"
         "}";
-    write_file(w, "hut.obj", "");
+    write_file(w, "hut.obj", HUT);
     const struct sv_scene *s = load_ok(w, text);
     check_trees(s);
     assert_int_equal(s->species[0].tree_count, 125);
     assert_true(s->forest.count > 1000 && s->forest.count < 4000);
     assert_told(w, "forest[0]: strewed 500 of 500 trees");
     assert_told(w, "! forest[1]: no room for more at min_spacing_m 20");
-    assert_told(w, "! objects: 1 checked and kept; this version does not draw objects");
+    assert_told(w, "objects: 1 of 1 models");
     assert_told(w, "relief: distance 70 m, resolution 256 kept");
     assert_true(fabs(s->sun.azimuth_rad - SV_PI / 2) < 1e-12 &&
                 fabs(s->sun.elevation_rad - SV_PI / 6) < 1e-12);
@@ -269,6 +273,63 @@ static void test_scatter(void **state)
     w->store = NULL; /* and the same without any store */
     s = load_ok(w, text);
     assert_true(s->version == version && hash_ground(s) == ground);
+}
+
+static void test_objects(void **state)
+{
+    struct work *w = *state;
+    write_file(w, "hut.obj", HUT);
+    write_file(w, "rock.obj", "v 5 1 5\nv 6 1 5\nv 5 2 5\nv 5 1 6\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    static const char text[] =
+        "{" TERRAIN ",\"objects\":[{\"model\":\"rock.obj\",\"x\":20,\"y\":30,\"height_m\":2},"
+        "{\"model\":\"hut.obj\",\"x\":40,\"y\":30,\"height_m\":3,\"heading_deg\":-90,"
+        "\"relief_resolution\":64},"
+        "{\"model\":\"rock.obj\",\"x\":50,\"y\":10,\"height_m\":4}]}";
+    const struct sv_scene *s = load_ok(w, text);
+    assert_int_equal(s->object_count, 3);
+    assert_int_equal(s->model_count, 2);
+    assert_int_equal(s->objects[0].model, s->objects[2].model); /* one mesh for equal files */
+    assert_true(s->objects[0].model != s->objects[1].model);
+    for (int k = 0; k < 3; k++) {
+        double z = NAN;
+        const struct sv_scene_object *o = &s->objects[k];
+        const struct sv_object_model *m = &s->models[o->model];
+        assert_true(sv_heightfield_height(&s->terrain.field, o->x, o->y, &z) && o->z == z);
+        assert_non_null(strstr(m->file, k == 1 ? "hut.obj" : "rock.obj"));
+        assert_int_equal(m->object_count, k == 1 ? 1 : 2);
+        assert_int_equal(m->mesh.index_count / 3, k == 1 ? 8 : 4);
+        assert_int_equal(m->mesh.leaf_count, 0);
+    }
+    assert_true(s->objects[1].height_m == 3 && fabs(s->objects[1].heading_rad - 1.5 * SV_PI) < 1e-12);
+    assert_int_equal(s->objects[1].relief_resolution, 64);
+    assert_told(w, "objects: 3 of 2 models");
+    assert_told(w, "the plan's middle stands at the place"); /* the rock lies beside its origin */
+    uint64_t version = s->version;
+    s = load_ok(w, text); /* from the store: the same, and the note is said again */
+    assert_true(s->version == version);
+    assert_told(w, "the plan's middle stands at the place");
+    write_file(w, "hut.obj", "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 2 0\nf 1 4 2\nf 2 4 3\nf 3 4 1\n");
+    s = load_ok(w, text);
+    assert_true(s->version != version); /* another model is another scene */
+}
+
+static void test_objects_refused(void **state)
+{
+    struct work *w = *state;
+    write_file(w, "hut.obj", HUT);
+    write_file(w, "flat.obj", "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
+    static const char text[] =
+        "{" TERRAIN ",\"objects\":[{\"model\":\"hut.obj\",\"x\":20,\"y\":1e7,\"height_m\":2},"
+        "{\"model\":\"hut.obj\",\"x\":40,\"y\":30,\"height_m\":3},"
+        "{\"model\":\"flat.obj\",\"x\":50,\"y\":10,\"height_m\":4}]}";
+    assert_int_equal(load(w, text), SV_EOUTSIDE);
+    assert_int_equal(w->errors.total, 2); /* one run tells all */
+    assert_string_equal(w->errors.items[0].field, "objects[0]");
+    assert_non_null(strstr(w->errors.items[0].message, "y 10000000 is outside the terrain (x "));
+    assert_non_null(strstr(w->errors.items[0].message, "s.json"));
+    assert_string_equal(w->errors.items[1].field, "objects[2].model");
+    assert_non_null(strstr(w->errors.items[1].message, "flat.obj"));
+    assert_non_null(strstr(w->errors.items[1].message, "no object stands in it"));
 }
 
 static void test_empty(void **state)
@@ -575,9 +636,10 @@ int main(void)
 {
 #define T(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
     const struct CMUnitTest tests[] = {
-        T(test_points),        T(test_min_height), T(test_relief_told), T(test_names),  T(test_scatter),
-        T(test_empty),         T(test_sealed),     T(test_version),     T(test_errors), T(test_model_key),
-        T(test_species_store), T(test_grown_key),  T(test_olinda),      T(test_scbi)};
+        T(test_points),        T(test_min_height),      T(test_relief_told), T(test_names),
+        T(test_objects),       T(test_objects_refused), T(test_scatter),     T(test_empty),
+        T(test_sealed),        T(test_version),         T(test_errors),      T(test_model_key),
+        T(test_species_store), T(test_grown_key),       T(test_olinda),      T(test_scbi)};
 #undef T
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
