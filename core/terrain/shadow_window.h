@@ -5,16 +5,21 @@
  * (shadow_height.h) and after the silhouettes (core/relief/silhouette.h) of trees and objects, each projected
  * along the light onto the ground AT ITS TRUE HEIGHT there (the height hand-over of design.md section 5;
  * paper 1, 3.3.2 would take a plane). The terrain's shader reads the finest window that holds a place; mip
- * levels make it smooth far away. Row 0 is the south row. */
+ * levels make it smooth far away. Row 0 is the south row. No GL here (draw_shadow.h), no choice of windows.
+ *
+ * Flow: sv_shadow_window_alloc once; then for each window sv_shadow_window_fill (ground and terrain's
+ * shadow), the casters' sv_shadow_window_cast, and sv_shadow_window_blend towards the next coarser one. */
 #ifndef SV_TERRAIN_SHADOW_WINDOW_H
 #define SV_TERRAIN_SHADOW_WINDOW_H
 
 #include <stdint.h>
 
+#include "core/base/error.h"
 #include "core/relief/silhouette.h"
 #include "core/terrain/heightfield.h"
 
-enum { SV_SHADOW_WINDOW_SIDE = 1024 };
+/* SIDE texels a side; BLOCK texels a side of the squares whose lowest and highest ground is known. */
+enum { SV_SHADOW_WINDOW_SIDE = 1024, SV_SHADOW_WINDOW_BLOCK = 32, SV_SHADOW_WINDOW_BLOCKS = 32 };
 
 struct sv_shadow_window {
     double x0, y0; /* world place of the south-west corner of texel (0, 0) */
@@ -23,11 +28,21 @@ struct sv_shadow_window {
     float ground_min, ground_max;
     float *ground;  /* SIDE * SIDE: height of the ground at texel centres, m above z0 */
     uint8_t *light; /* SIDE * SIDE: share of sunlight, 255: all */
+    float (
+        *blocks)[2]; /* BLOCKS * BLOCKS: lowest and highest ground of each square; NULL: not known (slower) */
 };
 
 /* Multiplies light by (1 - coverage) where the silhouette of a body at `place` (world) falls on the window's
- * ground; bilinear in the silhouette, box-filtered when its texels are finer than the window's. Bodies whose
- * shadow misses the window cost a few nanoseconds. */
+ * ground; bilinear in the silhouette, box-filtered when its texels are finer than the window's (up to 4 x 4
+ * samples a texel: a caster with a choice of silhouettes takes one whose texels are about the window's).
+ *
+ * scale: m for one unit of the silhouette's lengths (corner, width_m, height_m, depths), > 0: a tree's height
+ * for the silhouette of its species. right need not be level, but work is bounded best when it is. Ground
+ * whose depth along the light is less than where the body begins (first, else first_m) stays as it is. Light
+ * that comes from below, or at less than a quarter of a degree above the horizon (there is next to none),
+ * casts nothing; the same for anything not finite and for scale <= 0. The shadow ends where it meets ground
+ * above the body's highest ray. Bodies whose shadow misses the window cost a few nanoseconds, others about 1
+ * ns a texel of it; texels that are dark already are passed over. All SIMD levels give the same bytes. */
 void sv_shadow_window_cast(struct sv_shadow_window *window, const struct sv_silhouette *silhouette,
                            struct sv_vec3 place, double scale);
 

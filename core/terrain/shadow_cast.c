@@ -1,0 +1,319 @@
+/* shadow_cast.c - a silhouette laid along the light onto the ground of a window.
+ *
+ * A place X is behind silhouette texel (s, t), both linear in X; so along a row of the window they are linear
+ * in the column and in the ground's height, and a texel costs six multiply-adds and a bilinear look-up. What
+ * has to be looked at is bounded before: the body's rays go down along the light's ground track from their
+ * lowest to their highest, and blocks of ground along the track say where the first may land and where all
+ * have landed. Own derivation. */
+#include "core/terrain/shadow_cast.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/base/simd.h"
+#include "core/terrain/shadow_window.h"
+
+enum { SIDE = SV_SHADOW_WINDOW_SIDE, BLOCK = SV_SHADOW_WINDOW_BLOCK, BLOCKS = SV_SHADOW_WINDOW_BLOCKS };
+
+/* sin of a quarter of a degree: flatter light is next to nothing (light.c), and its shadows are endless. */
+static const double FLATTEST = 0.00436;
+/* Light steeper than this (cot of 87 degrees) needs no track: bodies' shadows lie under them. */
+static const double STEEP_COT = 0.05;
+
+/* ---- one row, scalar ---- */
+
+float sv_shadow_cast_coverage(const struct sv_shadow_cast *c, float s, float t, float d)
+{
+    if (!(s > -1 && t > -1 && s < (float)c->width && t < (float)c->height))
+        return 0;
+    float fs = floorf(s), ft = floorf(t), u = s - fs, v = t - ft;
+    int i = (int)fs, j = (int)ft;
+    if (c->first) {
+        int ni = u < 0.5f ? i : i + 1, nj = v < 0.5f ? j : j + 1;
+        ni = ni < 0 ? 0 : ni >= c->width ? c->width - 1 : ni;
+        nj = nj < 0 ? 0 : nj >= c->height ? c->height - 1 : nj;
+        if (!(d >= c->first[(long)nj * c->width + ni]))
+            return 0;
+    } else if (!(d >= c->first_d)) {
+        return 0;
+    }
+    const uint8_t *p = c->coverage + (long)j * c->width + i;
+    float a = i >= 0 && j >= 0 ? p[0] : 0, b = i + 1 < c->width && j >= 0 ? p[1] : 0;
+    float e = i >= 0 && j + 1 < c->height ? p[c->width] : 0;
+    float f = i + 1 < c->width && j + 1 < c->height ? p[c->width + 1] : 0;
+    float low = a + (b - a) * u, high = e + (f - e) * u;
+    return low + (high - low) * v;
+}
+
+void sv_shadow_cast_row_scalar(const struct sv_shadow_cast *c, float s, float t, float d, int count,
+                               const float *ground, uint8_t *light)
+{
+    for (int i = 0; i < count; i++) {
+        if (!light[i])
+            continue;
+        float k = (float)i, g = ground[i];
+        float cover = sv_shadow_cast_coverage(c, (s + k * c->step_s) + g * c->height_s,
+                                              (t + k * c->step_t) + g * c->height_t,
+                                              (d + k * c->step_d) + g * c->height_d);
+        light[i] = sv_shadow_darken(light[i], (unsigned)(cover + 0.5f));
+    }
+}
+
+/* ---- which texels ---- */
+
+/* A linear form over world places: value(X) = at + x X.x + y X.y + z X.z, X relative to the window's corner
+ * and z0. */
+struct form {
+    double at, x, y, z;
+};
+
+struct job {
+    struct sv_shadow_window *window;
+    struct sv_shadow_cast cast;
+    struct form s, t, d; /* texels less a half, and depth */
+    /* The light's ground track: unit direction, drop of a ray a metre of it; rays by their height above z0 at
+     * the body's place, and how far the body reaches along and aside of it. */
+    double dir_x, dir_y, drop;
+    double place_x, place_y; /* relative to the window's corner */
+    double along0, along1, aside;
+    double top, bottom; /* heights of the highest and lowest ray where along = 0 */
+};
+
+static struct form make_form(const struct sv_shadow_window *w, struct sv_vec3 axis, double per_unit,
+                             struct sv_vec3 place, double scale, struct sv_vec3 corner)
+{
+    double k = per_unit / scale;
+    struct sv_vec3 from = sv_vec3(w->x0 - place.x, w->y0 - place.y, w->z0 - place.z);
+    return (struct form){sv_dot(from, axis) * k - sv_dot(corner, axis) * per_unit, axis.x * k, axis.y * k,
+                         axis.z * k};
+}
+
+static double form_at(const struct form *f, double x, double y, double z)
+{
+    return f->at + f->x * x + f->y * y + f->z * z;
+}
+
+/* Extent of the body's rays about its place; false when nothing can be cast. */
+static bool measure(struct job *job, const struct sv_silhouette *sil, struct sv_vec3 place, double scale)
+{
+    struct sv_vec3 l = sil->travel;
+    if (!(l.z < -FLATTEST) || !(scale > 0) || !(isfinite(place.x) && isfinite(place.y) && isfinite(place.z)))
+        return false;
+    double level = hypot(l.x, l.y);
+    job->drop = -l.z / fmax(level, 1e-9);
+    job->dir_x = level > 1e-9 ? l.x / level : 1;
+    job->dir_y = level > 1e-9 ? l.y / level : 0;
+    job->place_x = place.x - job->window->x0;
+    job->place_y = place.y - job->window->y0;
+    job->along0 = INFINITY;
+    job->along1 = job->top = -INFINITY;
+    job->bottom = INFINITY;
+    job->aside = 0;
+    double edge_s = 0.5 * sil->width_m / sil->width, edge_t = 0.5 * sil->height_m / sil->height;
+    for (int k = 0; k < 4; k++) {
+        struct sv_vec3 p = sv_madd(sil->corner, sil->right, k & 1 ? sil->width_m + edge_s : -edge_s);
+        p = sv_scale(sv_madd(p, sil->down, k & 2 ? sil->height_m + edge_t : -edge_t), scale);
+        double along = p.x * job->dir_x + p.y * job->dir_y;
+        double height = p.z + along * job->drop;
+        job->aside = fmax(job->aside, fabs(p.y * job->dir_x - p.x * job->dir_y));
+        job->top = fmax(job->top, height);
+        job->bottom = fmin(job->bottom, height);
+        job->along0 = fmin(job->along0, along + sil->first_m * scale * level);
+    }
+    job->top += place.z - job->window->z0;
+    job->bottom += place.z - job->window->z0;
+    return isfinite(job->top + job->bottom + job->aside + job->along0);
+}
+
+/* lo .. hi becomes its part where a + b i is between low and high. */
+static void clip_linear(double a, double b, double low, double high, double *lo, double *hi)
+{
+    if (fabs(b) < 1e-9) {
+        if (!(a >= low && a <= high))
+            *hi = -INFINITY;
+        return;
+    }
+    double p = (low - a) / b, q = (high - a) / b;
+    *lo = fmax(*lo, fmin(p, q));
+    *hi = fmin(*hi, fmax(p, q));
+}
+
+/* Part of the track (m along it from the place) where rays of heights bottom .. top meet ground that lies
+ * between the heights low and high. */
+static bool track_of(struct job *job, double low, double high, double *from, double *to)
+{
+    *from = (job->bottom - high) / job->drop;
+    *to = (job->top - low) / job->drop;
+    *from = fmax(*from, job->along0);
+    double side = job->window->texel_m * SIDE + job->aside;
+    clip_linear(job->place_x, job->dir_x, -job->aside, side, from, to);
+    clip_linear(job->place_y, job->dir_y, -job->aside, side, from, to);
+    return *to > *from;
+}
+
+struct span {
+    double x0, y0, x1, y1;
+};
+
+/* Rectangle of the track between two places on it. */
+static struct span track_box(const struct job *job, double from, double to)
+{
+    double ax = job->place_x + job->dir_x * from, bx = job->place_x + job->dir_x * to;
+    double ay = job->place_y + job->dir_y * from, by = job->place_y + job->dir_y * to;
+    double wide_x = job->aside * fabs(job->dir_y), wide_y = job->aside * fabs(job->dir_x);
+    return (struct span){fmin(ax, bx) - wide_x, fmin(ay, by) - wide_y, fmax(ax, bx) + wide_x,
+                         fmax(ay, by) + wide_y};
+}
+
+static int clamp_block(double v)
+{
+    return v > 0 ? v < BLOCKS - 1 ? (int)v : BLOCKS - 1 : 0;
+}
+
+static void ground_range(const struct sv_shadow_window *w, struct span box, float range[2])
+{
+    double per_m = 1 / (w->texel_m * BLOCK);
+    int i0 = clamp_block(box.x0 * per_m), i1 = clamp_block(box.x1 * per_m);
+    int j0 = clamp_block(box.y0 * per_m), j1 = clamp_block(box.y1 * per_m);
+    range[0] = INFINITY;
+    range[1] = -INFINITY;
+    for (int j = j0; j <= j1; j++)
+        for (int i = i0; i <= i1; i++) {
+            const float *b = w->blocks[j * BLOCKS + i];
+            range[0] = b[0] < range[0] ? b[0] : range[0];
+            range[1] = b[1] > range[1] ? b[1] : range[1];
+        }
+}
+
+static bool outside(const struct sv_shadow_window *w, struct span box)
+{
+    double side = w->texel_m * SIDE;
+    return !(box.x0 < side && box.y0 < side && box.x1 > 0 && box.y1 > 0);
+}
+
+/* Narrows from .. to by the blocks along the track: skips what no ray has reached, ends where all have
+ * landed. */
+static bool narrow(const struct job *job, double *from, double *to)
+{
+    const struct sv_shadow_window *w = job->window;
+    double step = w->texel_m * BLOCK, first = INFINITY, last = -INFINITY;
+    for (double at = *from; at < *to; at += step) {
+        double end = fmin(at + step, *to);
+        struct span box = track_box(job, at, end);
+        if (outside(w, box))
+            continue;
+        float range[2];
+        ground_range(w, box, range);
+        if ((double)range[0] > job->top - at * job->drop)
+            break;
+        if ((double)range[1] < job->bottom - end * job->drop)
+            continue;
+        first = fmin(first, at);
+        last = end;
+    }
+    *from = first;
+    *to = last;
+    return last > first;
+}
+
+/* ---- rows ---- */
+
+/* Coverage of one window texel by n x n samples, the ground taken as a plane there. */
+static float texel_mean(const struct sv_shadow_cast *c, const float stu[3], const float across[3], int n)
+{
+    float sum = 0;
+    for (int b = 0; b < n; b++)
+        for (int a = 0; a < n; a++) {
+            float u = ((float)a + 0.5f) / (float)n - 0.5f, v = ((float)b + 0.5f) / (float)n - 0.5f;
+            sum += sv_shadow_cast_coverage(c, stu[0] + u * c->step_s + v * across[0],
+                                           stu[1] + u * c->step_t + v * across[1],
+                                           stu[2] + u * c->step_d + v * across[2]);
+        }
+    return sum / (float)(n * n);
+}
+
+/* A row whose texels are coarser than the silhouette's. */
+static void coarse_row(const struct job *job, float s, float t, float d, int count, const float *ground,
+                       uint8_t *light, int n)
+{
+    const struct sv_shadow_cast *c = &job->cast;
+    float texel = (float)job->window->texel_m;
+    const float across[3] = {(float)job->s.y * texel, (float)job->t.y * texel, (float)job->d.y * texel};
+    for (int i = 0; i < count; i++) {
+        if (!light[i])
+            continue;
+        float k = (float)i, g = ground[i];
+        const float stu[3] = {(s + k * c->step_s) + g * c->height_s, (t + k * c->step_t) + g * c->height_t,
+                              (d + k * c->step_d) + g * c->height_d};
+        light[i] = sv_shadow_darken(light[i], (unsigned)(texel_mean(c, stu, across, n) + 0.5f));
+    }
+}
+
+static int samples_of(const struct job *job)
+{
+    double m = job->window->texel_m;
+    double s = hypot(job->s.x, job->s.y) * m, t = hypot(job->t.x, job->t.y) * m;
+    double finest = fmax(s, t);
+    return finest <= 1.5 ? 1 : finest <= 2.5 ? 2 : finest <= 3.5 ? 3 : 4;
+}
+
+static void cast_rows(const struct job *job, double from, double to)
+{
+    struct sv_shadow_window *w = job->window;
+    double m = w->texel_m;
+    struct span box = track_box(job, from, to);
+    int n = samples_of(job);
+    double slack = n > 1 ? 0.5 * (hypot(job->s.x, job->s.y) * m) + 0.5 : 0.5;
+    int j0 = (int)fmax(0, floor(box.y0 / m - 0.5)), j1 = (int)fmin(SIDE - 1, ceil(box.y1 / m));
+    double low_i = fmax(0, floor(box.x0 / m - 0.5)), high_i = fmin(SIDE - 1, ceil(box.x1 / m));
+    sv_shadow_cast_row *row =
+        sv_simd_level() >= SV_SIMD_AVX2 ? sv_shadow_cast_row_avx2 : sv_shadow_cast_row_scalar;
+    double tilt0 = fmin(job->s.z * (double)w->ground_min, job->s.z * (double)w->ground_max);
+    double tilt1 = fmax(job->s.z * (double)w->ground_min, job->s.z * (double)w->ground_max);
+    for (int j = j0; j <= j1; j++) {
+        double y = (j + 0.5) * m, lo = low_i, hi = high_i;
+        clip_linear(form_at(&job->s, 0.5 * m, y, 0), job->s.x * m, -1 - slack - tilt1,
+                    job->cast.width + slack - tilt0, &lo, &hi);
+        clip_linear((0.5 * m - job->place_x) * job->dir_x + (y - job->place_y) * job->dir_y, m * job->dir_x,
+                    from - m, to + m, &lo, &hi);
+        int i0 = (int)ceil(lo), count = (int)floor(hi) - i0 + 1;
+        if (!(hi >= lo) || count <= 0)
+            continue;
+        double x = (i0 + 0.5) * m;
+        float s = (float)form_at(&job->s, x, y, 0), t = (float)form_at(&job->t, x, y, 0),
+              d = (float)form_at(&job->d, x, y, 0);
+        size_t at = (size_t)j * SIDE + (size_t)i0;
+        if (n > 1)
+            coarse_row(job, s, t, d, count, w->ground + at, w->light + at, n);
+        else
+            row(&job->cast, s, t, d, count, w->ground + at, w->light + at);
+    }
+}
+
+void sv_shadow_window_cast(struct sv_shadow_window *window, const struct sv_silhouette *sil,
+                           struct sv_vec3 place, double scale)
+{
+    struct job job;
+    double from, to;
+    job.window = window;
+    if (sil->width < 1 || sil->height < 1 || !(sil->width_m > 0) || !(sil->height_m > 0) ||
+        !measure(&job, sil, place, scale))
+        return;
+    if (!track_of(&job, (double)window->ground_min, (double)window->ground_max, &from, &to) ||
+        outside(window, track_box(&job, from, to)))
+        return;
+    if (window->blocks && job.drop * STEEP_COT < 1 && !narrow(&job, &from, &to))
+        return;
+    double m = window->texel_m;
+    job.s = make_form(window, sil->right, sil->width / sil->width_m, place, scale, sil->corner);
+    job.t = make_form(window, sil->down, sil->height / sil->height_m, place, scale, sil->corner);
+    job.d = make_form(window, sil->travel, 1, place, scale, sil->corner);
+    job.s.at -= 0.5;
+    job.t.at -= 0.5;
+    job.cast = (struct sv_shadow_cast){
+        sil->coverage,       sil->first,           sil->width,           sil->height,
+        (float)sil->first_m, (float)(job.s.x * m), (float)(job.t.x * m), (float)(job.d.x * m),
+        (float)job.s.z,      (float)job.t.z,       (float)job.d.z,
+    };
+    cast_rows(&job, from, to);
+}

@@ -1,0 +1,34 @@
+/* shadow_cast.h - the row kernel of sv_shadow_window_cast. Private to core/terrain. */
+#ifndef SV_TERRAIN_SHADOW_CAST_H
+#define SV_TERRAIN_SHADOW_CAST_H
+
+#include <stdint.h>
+
+/* Silhouette coordinates of window texel i of a row are linear in i and in the ground's height g there:
+ * s + i step_s + g height_s, and so for t and the depth d. s, t: texels, already less the half, so that
+ * whole numbers are texel centres. d in the silhouette's lengths. */
+struct sv_shadow_cast {
+    const uint8_t *coverage;
+    const float *first; /* or NULL: first_d everywhere */
+    int width, height;
+    float first_d;
+    float step_s, step_t, step_d;
+    float height_s, height_t, height_d;
+};
+
+/* count texels of one row, ground[0 .. count), light[0 .. count); s, t, d at texel 0 for ground 0. */
+typedef void sv_shadow_cast_row(const struct sv_shadow_cast *cast, float s, float t, float d, int count,
+                                const float *ground, uint8_t *light);
+sv_shadow_cast_row sv_shadow_cast_row_scalar, sv_shadow_cast_row_avx2;
+
+/* light * (255 - coverage) / 255, rounded. */
+static inline uint8_t sv_shadow_darken(uint8_t light, unsigned coverage)
+{
+    unsigned x = light * (255u - coverage) + 128u;
+    return (uint8_t)((x + (x >> 8)) >> 8);
+}
+
+/* Coverage * 255 at (s, t), bilinear, nothing beyond the border, as a float. */
+float sv_shadow_cast_coverage(const struct sv_shadow_cast *cast, float s, float t, float d);
+
+#endif
