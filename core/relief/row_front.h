@@ -1,12 +1,23 @@
-/* row_front.h - parallel light over a field of heights, by a row of shadow heights that is carried along the
- * light (algorithms.md 3.2; a restatement of paper 1, 3.3.1, that needs no gathers).
+/* row_front.h - parallel light over a field of heights, by a front of shadow heights that is carried along
+ * the light (algorithms.md 3.2; a restatement of paper 1, 3.3.1, that needs no gathers).
  *
- * P(x, y) is the height of the shadow surface at a sample: below it the light is hidden. Marching along the
- * major axis of the light, in = lerp(P_previous, x - m) - drop,   P = max(h, in),   dark iff h < in - bias m
- * the lateral shift a row, drop = (distance between rows along the light's ground track) tan(theta), formed
- * from l itself (never from a tangent: l.f = 0 gives drop 0, l straight down is answered before: P = h). The
- * front starts at SV_ROW_FRONT_NONE = -1e6 m below nothing, not at minus infinity, so that interpolation
- * stays finite. Used for terrain, trees, relief faces and panels alike. */
+ * P(x, y) is the height of the shadow surface at a sample: below it the light is hidden.
+ *     in = the greatest of all h' - distance tan(theta) towards the light,  P = max(h, in),  dark iff h < in
+ * - bias The front marches along the light's major axis, a row of samples at a time. Carrying P itself and
+ * interpolating it again at every row would blur it by sqrt(m (1 - m) rows) samples and let a thin thing's
+ * shadow fade with distance, so the front is carried on the SHEARED grid: ray k stands at x = k + m r in row
+ * r, m the lateral shift a row, |m| <= 1. Heights are interpolated once, where the ray crosses a row of
+ * samples and where it crosses a column of them; a sample reads the two rays beside it once. m r = s + f is
+ * the same for a whole row, so that each interpolation is two unaligned loads (own derivation).
+ *
+ * drop, the fall of the light a row, is formed from l itself (never from a tangent: l.z = 0 gives drop 0; l
+ * straight down, or so steep that the drop a row exceeds all heights, is answered before: in = none, P = h).
+ * Rays carry h + r drop, counted from a row at most 31 back: the rounding of r drop does not add up with the
+ * rows.
+ *
+ * Where there is nothing (outside the field, NaN) a ray carries "none". Between a real sample and none the
+ * surface reaches half way, at the real one's height: no value is ever mixed with the stand-in for none.
+ * Nothing enters at the borders. Used for terrain, trees, relief faces and panels alike. */
 #ifndef SV_RELIEF_ROW_FRONT_H
 #define SV_RELIEF_ROW_FRONT_H
 
@@ -14,25 +25,33 @@
 #include <stdint.h>
 
 #include "core/base/error.h"
+#include "core/base/simd.h"
 #include "core/base/vec.h"
 
+/* Shadow height where nothing is hidden; heights that count lie between it and its negative. */
 #define SV_ROW_FRONT_NONE (-1e6f)
 
 struct sv_row_front {
     int width, height;     /* samples, >= 1; sample (i, j) at (i dx, j dy) */
-    double dx, dy;         /* m, > 0 */
-    struct sv_vec3 travel; /* l: x along i, y along j, z up; unit; z <= 0. z > 0: light from below: everything
-                              is dark, P = +INFINITY stand-in 1e6 */
-    const float *height_m; /* finite or NaN; NaN and anything beyond +-1e6: casts nothing, is lit */
-    const float *initial;  /* or NULL: shadow heights that come in from elsewhere, one a sample
-                              (SV_ROW_FRONT_NONE: none) */
-    float bias_m;          /* >= 0 */
+    double dx, dy;         /* m, 1e-9 .. 1e9 */
+    struct sv_vec3 travel; /* l: x along i, y along j, z up; unit (1e-6); z <= 0. z > 0: light from below:
+                              every real sample is dark, P = incoming = 1e6 */
+    const float *height_m; /* NaN, and what is not within +-1e6: casts nothing, is lit */
+    const float *initial;  /* or NULL: shadow heights that come in from elsewhere, one a sample; NaN or
+                              <= SV_ROW_FRONT_NONE: none; above 1e6: 1e6. They are carried on along the light
+                              as heights are */
+    float bias_m;          /* finite, >= 0 */
 };
 
-/* shadow_height: P, width * height, or NULL. incoming: `in` before the sample's own height is taken in, or
- * NULL. lit: 255 / 0, or NULL. Any SIMD level gives the same lit but for rounding at ties. SV_EINVAL names
- * what is out of range; SV_ENOMEM. */
+/* shadow_height: P, width * height, or NULL. incoming: `in` before the sample's own height is taken in
+ * (initial at the sample included), or NULL. lit: 255 / 0, or NULL. All three are finite for any input. Every
+ * SIMD level gives the same bits. Threads: any; about 100 bytes a sample of one row (or, for light along x,
+ * of one column) of memory are taken for the call. SV_EINVAL names what is out of range; SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_row_front(const struct sv_row_front *field, float *shadow_height,
                                           float *incoming, uint8_t *lit, struct sv_error *error);
+/* The same with the kernels of `level` (at most what the machine has): tests, benchmarks. */
+SV_MUST_CHECK enum sv_status sv_row_front_at(enum sv_simd level, const struct sv_row_front *field,
+                                             float *shadow_height, float *incoming, uint8_t *lit,
+                                             struct sv_error *error);
 
 #endif

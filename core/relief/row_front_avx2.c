@@ -1,0 +1,143 @@
+/* row_front_avx2.c - AVX2 kernels of the row front: the same operations in the same order as the scalar ones
+ * in row_front.c, so that every bit agrees (no fused multiply-add). */
+#include "core/relief/row_front_kernel.h"
+
+#include <immintrin.h>
+
+#include "core/relief/row_front.h"
+
+static void take_avx2(int count, const float *height, const float *initial, float *own, float *shadow,
+                      float *caster)
+{
+    const __m256 sign = _mm256_set1_ps(-0.0f), top = _mm256_set1_ps(-SV_ROW_FRONT_NONE),
+                 none = _mm256_set1_ps(SV_ROW_FRONT_NONE), nothing = _mm256_set1_ps(SV_FRONT_VOID);
+    int i = 0;
+    for (; i + 8 <= count; i += 8) {
+        __m256 h = _mm256_loadu_ps(height + i);
+        __m256 real = _mm256_cmp_ps(_mm256_andnot_ps(sign, h), top, _CMP_LT_OQ);
+        h = _mm256_blendv_ps(nothing, h, real);
+        _mm256_storeu_ps(own + i, h);
+        if (!initial)
+            continue;
+        __m256 p = _mm256_loadu_ps(initial + i);
+        __m256 some = _mm256_cmp_ps(p, none, _CMP_GT_OQ);
+        p = _mm256_blendv_ps(nothing, _mm256_min_ps(p, top), some);
+        _mm256_storeu_ps(shadow + i, p);
+        _mm256_storeu_ps(caster + i, _mm256_max_ps(h, p));
+    }
+    if (i < count)
+        sv_front_scalar.take(count - i, height + i, initial ? initial + i : NULL, own + i,
+                             initial ? shadow + i : NULL, caster + i);
+}
+
+static inline __m256 between(__m256 a, __m256 b, __m256 weight, __m256 nearer)
+{
+    __m256 mixed = _mm256_add_ps(a, _mm256_mul_ps(_mm256_sub_ps(b, a), weight));
+    __m256 real = _mm256_cmp_ps(_mm256_min_ps(a, b), _mm256_set1_ps(SV_FRONT_REAL), _CMP_GT_OQ);
+    return _mm256_blendv_ps(nearer, mixed, real);
+}
+
+static void cross_avx2(int count, const float *before, const float *after, float t, float lift, float *ray)
+{
+    const __m256 weight = _mm256_set1_ps(t), up = _mm256_set1_ps(lift);
+    const float *nearer = t < 0.5f ? before : after;
+    int i = 0;
+    for (; i + 8 <= count; i += 8) {
+        __m256 h = between(_mm256_loadu_ps(before + i), _mm256_loadu_ps(after + i), weight,
+                           _mm256_loadu_ps(nearer + i));
+        _mm256_storeu_ps(ray + i, _mm256_max_ps(_mm256_add_ps(h, up), _mm256_loadu_ps(ray + i)));
+    }
+    if (i < count)
+        sv_front_scalar.cross(count - i, before + i, after + i, t, lift, ray + i);
+}
+
+/* Eight samples' lit bytes from a mask of lanes. */
+static inline void store_lit(__m256 dark, uint8_t *lit)
+{
+    __m256i d = _mm256_castps_si256(dark);
+    __m128i w = _mm_packs_epi32(_mm256_castsi256_si128(d), _mm256_extracti128_si256(d, 1));
+    __m128i b = _mm_packs_epi16(w, w);
+    _mm_storel_epi64((__m128i *)(void *)lit, _mm_andnot_si128(b, _mm_set1_epi8(-1)));
+}
+
+static void row_avx2(const struct sv_front_row *row)
+{
+    const __m256 f = _mm256_set1_ps(row->fraction), lift = _mm256_set1_ps(row->lift),
+                 bias = _mm256_set1_ps(row->bias), none = _mm256_set1_ps(SV_ROW_FRONT_NONE),
+                 real = _mm256_set1_ps(SV_FRONT_REAL);
+    const float *ray = row->ray, *caster = row->caster;
+    const float *nearer_ray = row->fraction < 0.5f ? ray : ray - 1,
+                *nearer = row->fraction < 0.5f ? caster : caster + 1;
+    int i = 0;
+    for (; i + 8 <= row->count; i += 8) {
+        __m256 r = _mm256_loadu_ps(ray + i);
+        __m256 in =
+            _mm256_sub_ps(between(r, _mm256_loadu_ps(ray + i - 1), f, _mm256_loadu_ps(nearer_ray + i)), lift);
+        __m256 h = between(_mm256_loadu_ps(caster + i), _mm256_loadu_ps(caster + i + 1), f,
+                           _mm256_loadu_ps(nearer + i));
+        _mm256_storeu_ps(row->ray_next + i, _mm256_max_ps(_mm256_add_ps(h, lift), r));
+        if (row->initial)
+            in = _mm256_max_ps(in, _mm256_loadu_ps(row->initial + i));
+        in = _mm256_max_ps(in, none);
+        __m256 own = _mm256_loadu_ps(row->own + i);
+        if (row->incoming)
+            _mm256_storeu_ps(row->incoming + i, in);
+        if (row->height)
+            _mm256_storeu_ps(row->height + i, _mm256_max_ps(own, in));
+        if (row->lit)
+            store_lit(_mm256_and_ps(_mm256_cmp_ps(own, real, _CMP_GT_OQ),
+                                    _mm256_cmp_ps(own, _mm256_sub_ps(in, bias), _CMP_LT_OQ)),
+                      row->lit + i);
+    }
+    if (i == row->count)
+        return;
+    struct sv_front_row rest = *row;
+    rest.count -= i;
+    rest.own += i;
+    rest.caster += i;
+    rest.initial = row->initial ? row->initial + i : NULL;
+    rest.ray += i;
+    rest.ray_next += i;
+    rest.height = row->height ? row->height + i : NULL;
+    rest.incoming = row->incoming ? row->incoming + i : NULL;
+    rest.lit = row->lit ? row->lit + i : NULL;
+    sv_front_scalar.row(&rest);
+}
+
+/* 8 x 8 floats across their diagonal. */
+static inline void turn_block(const float *in, int64_t in_stride, float *out, int64_t out_stride)
+{
+    __m256 r[8], t[8];
+    for (int k = 0; k < 8; k++)
+        r[k] = _mm256_loadu_ps(in + k * in_stride);
+    for (int k = 0; k < 4; k++) {
+        t[2 * k] = _mm256_unpacklo_ps(r[2 * k], r[2 * k + 1]);
+        t[2 * k + 1] = _mm256_unpackhi_ps(r[2 * k], r[2 * k + 1]);
+    }
+    for (int k = 0; k < 2; k++) {
+        r[4 * k] = _mm256_shuffle_ps(t[4 * k], t[4 * k + 2], 0x44);
+        r[4 * k + 1] = _mm256_shuffle_ps(t[4 * k], t[4 * k + 2], 0xEE);
+        r[4 * k + 2] = _mm256_shuffle_ps(t[4 * k + 1], t[4 * k + 3], 0x44);
+        r[4 * k + 3] = _mm256_shuffle_ps(t[4 * k + 1], t[4 * k + 3], 0xEE);
+    }
+    for (int k = 0; k < 4; k++) {
+        _mm256_storeu_ps(out + k * out_stride, _mm256_permute2f128_ps(r[k], r[k + 4], 0x20));
+        _mm256_storeu_ps(out + (k + 4) * out_stride, _mm256_permute2f128_ps(r[k], r[k + 4], 0x31));
+    }
+}
+
+static void turn_avx2(int columns, int rows, const float *in, int64_t in_stride, float *out,
+                      int64_t out_stride)
+{
+    int j = 0, i = 0;
+    for (; j + 8 <= rows; j += 8)
+        for (i = 0; i + 8 <= columns; i += 8)
+            turn_block(in + j * in_stride + i, in_stride, out + i * out_stride + j, out_stride);
+    int done = columns & ~7;
+    if (done < columns)
+        sv_front_scalar.turn(columns - done, j, in + done, in_stride, out + done * out_stride, out_stride);
+    if (j < rows)
+        sv_front_scalar.turn(columns, rows - j, in + j * in_stride, in_stride, out + j, out_stride);
+}
+
+const struct sv_front_kernels sv_front_avx2 = {take_avx2, cross_avx2, row_avx2, turn_avx2};
