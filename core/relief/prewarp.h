@@ -1,32 +1,59 @@
 /* prewarp.h - paper 1's own way: warp the texture on its own plane, then let texture mapping do the rest
- * (section 2).
+ * (section 2; Oliveira, Bishop and McAllister 2000).
  *
- * Derivation of (1)-(4), with c = O - eye, X = eye + c + u_s a + v_s b + d f, d = displ. The texel must land
- * on the plane's point (u_i, v_i) that the eye sees it through: c + u_s a + v_s b + d f = tau (c + u_i a +
- * v_i b). Dot with b x c, c x a, f (a, b square to f): tau u_i = u_s + k1 d,  tau v_i = v_s + k2 d,  tau = 1
- * + k3 d                              eq. (1) k1 = f.(b x c) / a.(b x c),  k2 = f.(c x a) / a.(b x c),  k3 =
- * 1 / (c.f)                  eq. (2) right for either sign of f. Parallel projection along c: u_i = u_s + k4
- * d, v_i = v_s + k5 d   eq. (3) k4 = -(c.a) / (|a|^2 c.f),  k5 = -(c.b) / (|b|^2 c.f) eq. (4), SIGN
- * CORRECTED: the limit of k1 for an eye infinitely far is -(c.a)/(|a|^2 c.f); both are unchanged by c -> -c
- * and flip under f -> -f, so no convention saves the printed sign (algorithms.md 1.1; a test shows the
- * printed form fail). */
+ * Derivation of (1)-(4). c = O - eye and X = eye + c + us a + vs b + d f, d = displ(us, vs). The texel must
+ * land on the point (ui, vi) of the plane that the eye sees it through:
+ *     c + us a + vs b + d f = tau (c + ui a + vi b)
+ * Dot with b x c, c x a and f (a, b square to f):
+ *     tau ui = us + k1 d,   tau vi = vs + k2 d,   tau = 1 + k3 d                                      eq. (1)
+ *     k1 = f.(b x c) / a.(b x c),   k2 = f.(c x a) / a.(b x c),   k3 = 1 / (c.f)                      eq. (2)
+ * for either sign of f and either handedness: all three triple products flip together. tau is the ray's
+ * parameter, 0 at the eye and 1 at the plane. a, b, f being square to each other, f.(b x c) = (f x b).c and
+ * a.(b x c) = c.(a x b) reduce to
+ *     k1 = -(c.a) / (|a|^2 c.f) = eu k3,   k2 = -(c.b) / (|b|^2 c.f) = ev k3
+ * with (eu, ev) = (-(c.a)/|a|^2, -(c.b)/|b|^2) the foot of the eye on the plane in texels: the epipole, since
+ *     ui - eu = (us - eu) / tau                                                                (own form of
+ * 1) Texels move along lines through e and never change sides of it.
+ *
+ * Parallel projection along c: X + s c lies in the plane for s = -d / (c.f):
+ *     ui = us + k4 d,   vi = vs + k5 d                                                                eq. (3)
+ *     k4 = -(c.a) / (|a|^2 c.f),   k5 = -(c.b) / (|b|^2 c.f)                          eq. (4), SIGN CORRECTED
+ * the very k1, k2 of (2), whose value does not depend on |c|, while k3 -> 0. Both stay under c -> -c and flip
+ * under f -> -f, as the printed ones do, so no convention saves the printed sign (a test shows it fail).
+ *
+ * What is in front of what. Two texels on one ray have us - eu = tau (ui - eu) and vs - ev = tau (vi - ev)
+ * with the same (ui, vi): the one farther from the eye (larger tau) is farther from e, on the same side of
+ * it, in u and in v. Drawing from the border of the texture towards e is therefore drawing from far to near,
+ * whichever side of the plane the eye is on (McMillan's order; both signs of k3 are tested). Parallel
+ * projection: e is infinitely far, against the direction of view as seen on the plane. On one ray tau - 1 = d
+ * / (c.f) orders as -d for an eye in front (c.f < 0) and as +d for one behind. */
 #ifndef SV_RELIEF_PREWARP_H
 #define SV_RELIEF_PREWARP_H
 
 #include "core/relief/relief.h"
 
+/* The eye counts as in the plane when |c.f| is below this share of |c|: c.f then holds 10 digits of 16. */
+#define SV_PREWARP_SINE_MIN 1e-6
+/* tau at and below which nothing is drawn: there displ in float still gives u_i - e to 1 part in 16,000. */
+#define SV_PREWARP_NEAR 0x1p-10
+enum { SV_PREWARP_SIDE_MAX = 16384 }; /* samples a side of a warped texture */
+
 struct sv_prewarp {
     double k[5]; /* k1, k2, k3 (perspective) or k[3], k[4] = k4, k5 (parallel); the others 0 */
     bool parallel;
-    double near; /* smallest tau = 1 + k3 displ that is drawn, > 0 */
+    double near;       /* smallest tau = 1 + k3 displ that is drawn, > 0 */
+    double epipole[2]; /* (eu, ev), texels; parallel: +-INFINITY, or 0 where texels do not move that way */
+    bool behind;       /* the eye is on the side that f points away from: small displ are the near ones */
 };
 
-/* SV_EINVAL, naming the angle, when the eye is in the plane (|c.f| too small against |c|: det -> 0 is the
- * same event) or not finite. The eye may be on either side; what lies behind the plane through the eye
- * parallel to the texture (tau <= near) is not drawn. */
+/* SV_EINVAL, naming the angle, when the eye is in the plane (|c.f| below SV_PREWARP_SINE_MIN of |c|, or of a
+ * texel's side where O is nearer than that: det -> 0 is the same event) or not finite. The eye may be on
+ * either side; what lies behind the plane through the eye parallel to the texture (tau <= near) is not drawn.
+ */
 SV_MUST_CHECK enum sv_status sv_prewarp_perspective(const struct sv_relief_frame *frame, struct sv_vec3 eye,
                                                     struct sv_prewarp *prewarp, struct sv_error *error);
-/* direction: of the view (or of light), any length; SV_EINVAL when it lies in the plane. */
+/* direction: the way that one looks (or light travels), any length; SV_EINVAL when it lies in the plane. The
+ * sense matters to what hides what, not to k4, k5. */
 SV_MUST_CHECK enum sv_status sv_prewarp_parallel(const struct sv_relief_frame *frame,
                                                  struct sv_vec3 direction, struct sv_prewarp *prewarp,
                                                  struct sv_error *error);
@@ -34,27 +61,39 @@ SV_MUST_CHECK enum sv_status sv_prewarp_parallel(const struct sv_relief_frame *f
 bool sv_prewarp_point(const struct sv_prewarp *prewarp, double us, double vs, double displ, double *ui,
                       double *vi);
 
+#define SV_WARPED_NONE UINT32_MAX
+
 /* The warped texture: a window of the plane, in texels of the relief, at any resolution. */
 struct sv_warped {
     int width, height;          /* samples */
     double u0, v0, u1, v1;      /* the window: sample (i, j) is at u0 + (i + 0.5) (u1 - u0) / width, ... */
-    uint8_t (*color)[4];        /* sRGB straight; alpha 0: nothing landed */
-    float *displ;               /* of the surface seen through the sample, m along f */
+    uint8_t (*color)[4];        /* sRGB; alpha 255, or all four 0: nothing landed */
+    float *displ;               /* of the surface seen through the sample, m along f; 0 where none is */
+    uint32_t *texel;            /* of the relief, row * width + column: the nearest one; SV_WARPED_NONE */
     uint32_t holes, holes_left; /* samples of disocclusions before and after filling */
+    bool columns_first;         /* the order of passes that was taken */
     void *block;
 };
-void sv_warped_finish(struct sv_warped *warped);
+void sv_warped_finish(struct sv_warped *warped); /* legal on a zeroed one */
+
+enum sv_prewarp_order { SV_PREWARP_ORDER_AUTO, SV_PREWARP_ROWS_FIRST, SV_PREWARP_COLUMNS_FIRST };
 
 struct sv_prewarp_options {
-    int width, height;         /* samples of the result; 0: one a texel */
-    const uint8_t (*color)[4]; /* NULL: the relief's own; else lit colours of the same layout */
-    bool fill;                 /* holes from the far side */
+    int width, height;           /* samples of the result, 1 .. SV_PREWARP_SIDE_MAX; 0: one a texel */
+    const uint8_t (*color)[4];   /* NULL: the relief's own; else lit colours of the same layout */
+    bool fill;                   /* holes from the far side */
+    enum sv_prewarp_order order; /* AUTO: the first pass is along the axis that is compressed less */
 };
 
-/* The two-pass serial warp: rows by u_i, carrying v_i of the original texel along (not recomputed from
- * interpolated displ), then columns by v_i; texels in occlusion-compatible order (McMillan): from the border
- * towards the epipole. The window is what the relief's warped outline needs, at most four times its size a
- * side about its middle. */
+/* The two-pass serial warp: rows by u_i, carrying v_i of the original texels along (not recomputed from
+ * interpolated displ), then columns by v_i, in occlusion-compatible order and without a depth buffer; the
+ * method is told in prewarp_two_pass.c. Solidity is the relief's own (colour given in options decides nothing
+ * but colour). The window is the rectangle of whole texels that the relief's warped outline needs, at most
+ * four times the texture's size a side about its middle; the texture's own rectangle when nothing is drawn.
+ * Colour is interpolated in code values between adjacent texels of one surface (relief.h, cut).
+ *
+ * Holes are samples where nothing lands and through which the wall that stands on a torn edge would be seen;
+ * see-through texels make none. SV_EINVAL (sizes, prewarp not made by the functions above), SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_prewarp_two_pass(const struct sv_relief *relief,
                                                  const struct sv_prewarp *prewarp,
                                                  const struct sv_prewarp_options *options,

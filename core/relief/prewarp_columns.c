@@ -1,0 +1,147 @@
+/* prewarp_columns.c - pass 2: what lies between two neighbouring rows, moved and resampled along the columns
+ * by the v_i that pass 1 carried.
+ *
+ * In one column of samples everything lies in one plane through the eye. A sample of the upper row and one of
+ * the lower are ends of one piece of surface when the texels that they stand for belong together: each finds
+ * the one that is nearest to it along the row, and both must agree. What finds no partner keeps half a texel
+ * of its own displ. The few pieces of one column and one interval are drawn from far to near by their displ:
+ * on one ray, nearness and displ are the same order. */
+#include <string.h>
+
+#include "core/relief/prewarp_private.h"
+
+/* A piece of surface in one column, from `from` at row `above` to `to` at row `below`. */
+struct piece {
+    struct sv_prewarp_sample from, to;
+    double tau0, tau1;
+    int j0, j1; /* rows that the ends' texels are in */
+};
+
+static void draw(const struct sv_prewarp_work *w, int x, const struct piece *p)
+{
+    struct sv_prewarp_span span;
+    struct sv_warped *out = w->out;
+    if (!sv_prewarp_span_init(&span, p->from.v, p->to.v, p->tau0, p->tau1, w->out_height))
+        return;
+    size_t t0 = (size_t)p->from.texel * w->step_u + (size_t)p->j0 * w->step_v;
+    size_t t1 = (size_t)p->to.texel * w->step_u + (size_t)p->j1 * w->step_v;
+    for (int y = span.first; y < span.last; y++) {
+        double r, s = sv_prewarp_span_at(&span, y, &r);
+        size_t at = (size_t)x * w->out_step_x + (size_t)y * w->out_step_y;
+        sv_prewarp_mix(p->from.color, p->to.color, s, out->color[at]);
+        out->displ[at] = (float)((1 - s) * p->from.displ + s * p->to.displ);
+        out->texel[at] = (uint32_t)(s < 0.5 ? t0 : t1);
+    }
+}
+
+/* Sample a's texel, taken along its row to column c, and the one across from it, are one surface. */
+static bool joined_at(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above,
+                      const struct sv_prewarp_row *below, int c)
+{
+    return above->run[c] >= 0 && below->run[c] >= 0 &&
+           fabsf(above->displ[c] - below->displ[c]) <= w->relief->cut;
+}
+
+static bool joined(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above, int a,
+                   const struct sv_prewarp_row *below, int b)
+{
+    return (above->run[a] == above->run[b] && joined_at(w, above, below, b)) ||
+           (below->run[a] == below->run[b] && joined_at(w, above, below, a));
+}
+
+static int kept(const struct sv_prewarp_row *row, int x)
+{
+    uint32_t n = row ? row->count[x] : 0;
+    return n < SV_PREWARP_LAYERS ? (int)n : SV_PREWARP_LAYERS;
+}
+
+/* The partner of each sample of `from` among `to`: the nearest along the row; -1: none. */
+static void choose(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above, int na,
+                   const struct sv_prewarp_sample *a, const struct sv_prewarp_row *below, int nb,
+                   const struct sv_prewarp_sample *b, int *of_a, int *of_b)
+{
+    int best_a[SV_PREWARP_LAYERS], best_b[SV_PREWARP_LAYERS];
+    for (int m = 0; m < na; m++)
+        best_a[m] = INT32_MAX, of_a[m] = -1;
+    for (int n = 0; n < nb; n++)
+        best_b[n] = INT32_MAX, of_b[n] = -1;
+    for (int m = 0; m < na; m++)
+        for (int n = 0; n < nb; n++) {
+            int apart = a[m].texel < b[n].texel ? b[n].texel - a[m].texel : a[m].texel - b[n].texel;
+            if ((apart >= best_a[m] && apart >= best_b[n]) ||
+                !joined(w, above, a[m].texel, below, b[n].texel))
+                continue;
+            if (apart < best_a[m])
+                best_a[m] = apart, of_a[m] = n;
+            if (apart < best_b[n])
+                best_b[n] = apart, of_b[n] = m;
+        }
+}
+
+/* Half a texel, from the sample to the border between the rows, at v = edge. */
+static struct piece half(const struct sv_prewarp_work *w, const struct sv_prewarp_sample *a, int j, int edge)
+{
+    struct piece p = {*a, *a, 1, 1, j, j};
+    double tau = 1 + w->k3 * a->displ;
+    p.to.v = ((edge + w->k2 * a->displ) / tau - w->v0) * w->scale_v; /* eq. 1, 3 */
+    return p;
+}
+
+static struct piece whole(const struct sv_prewarp_work *w, const struct sv_prewarp_sample *a, int j0,
+                          const struct sv_prewarp_sample *b, int j1)
+{
+    return (struct piece){*a, *b, 1 + w->k3 * a->displ, 1 + w->k3 * b->displ, j0, j1};
+}
+
+static void insert(struct piece *pieces, int count, const struct piece *p, double toward)
+{
+    double key = toward * ((double)p->from.displ + p->to.displ);
+    while (count > 0 && toward * ((double)pieces[count - 1].from.displ + pieces[count - 1].to.displ) > key) {
+        pieces[count] = pieces[count - 1];
+        count--;
+    }
+    pieces[count] = *p;
+}
+
+static void draw_column(const struct sv_prewarp_work *w, int x, const struct sv_prewarp_row *above, int na,
+                        const struct sv_prewarp_row *below, int nb)
+{
+    struct piece pieces[2 * SV_PREWARP_LAYERS], p;
+    int of_a[SV_PREWARP_LAYERS], of_b[SV_PREWARP_LAYERS], count = 0;
+    const struct sv_prewarp_sample *a = above ? above->samples + (size_t)x * SV_PREWARP_LAYERS : NULL;
+    const struct sv_prewarp_sample *b = below ? below->samples + (size_t)x * SV_PREWARP_LAYERS : NULL;
+    choose(w, above, na, a, below, nb, b, of_a, of_b);
+    for (int m = 0; m < na; m++) {
+        bool pair = of_a[m] >= 0 && of_b[of_a[m]] == m;
+        p = pair ? whole(w, &a[m], above->j, &b[of_a[m]], below->j) : half(w, &a[m], above->j, above->j + 1);
+        insert(pieces, count++, &p, w->toward);
+    }
+    for (int n = 0; n < nb; n++) {
+        if (of_b[n] >= 0 && of_a[of_b[n]] == n)
+            continue;
+        p = half(w, &b[n], below->j, below->j);
+        insert(pieces, count++, &p, w->toward);
+    }
+    for (int n = 0; n < count; n++)
+        draw(w, x, &pieces[n]);
+}
+
+void sv_prewarp_warp_columns(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above,
+                             const struct sv_prewarp_row *below)
+{
+    for (int x = 0; x < w->out_width; x++) {
+        int na = kept(above, x), nb = kept(below, x);
+        if (na + nb == 0)
+            continue;
+        if (na == 1 && nb == 1) { /* nearly always */
+            const struct sv_prewarp_sample *a = above->samples + (size_t)x * SV_PREWARP_LAYERS;
+            const struct sv_prewarp_sample *b = below->samples + (size_t)x * SV_PREWARP_LAYERS;
+            if (joined(w, above, a->texel, below, b->texel)) {
+                struct piece p = whole(w, a, above->j, b, below->j);
+                draw(w, x, &p);
+                continue;
+            }
+        }
+        draw_column(w, x, above, na, below, nb);
+    }
+}

@@ -1,0 +1,99 @@
+/* prewarp_rows.c - pass 1: one row of texels, moved and resampled along the row by u_i, carrying v_i.
+ *
+ * Between the centres of adjacent texels of one surface the surface is straight; its picture is straight,
+ * too, so v_i is linear in u_i between the v_i of the ORIGINAL texels, exactly, while colour and displ go by
+ * the share in space (perspective-correct). A torn end keeps half a texel of its own displ: isolated texels
+ * are squares. Intervals between centres come in McMillan's order (prewarp.h), so that later samples of a
+ * column are nearer; all of them are kept, since what hides another in a row need not do so once columns have
+ * moved (the fold that a single intermediate picture loses). */
+#include <string.h>
+
+#include "core/relief/prewarp_private.h"
+
+static void put(struct sv_prewarp_row *row, int x, const struct sv_prewarp_sample *sample)
+{
+    uint32_t n = row->count[x]++;
+    row->samples[(size_t)x * SV_PREWARP_LAYERS + n % SV_PREWARP_LAYERS] = *sample;
+}
+
+static const uint8_t *color_of(const struct sv_prewarp_work *w, int i, int j)
+{
+    return w->color[(size_t)i * w->step_u + (size_t)j * w->step_v];
+}
+
+/* Texel i from its centre to its border at u = edge. */
+static void put_half(const struct sv_prewarp_work *w, struct sv_prewarp_row *row, int i, int edge)
+{
+    struct sv_prewarp_span span;
+    double border = ((edge + w->k1 * row->displ[i]) / row->tau[i] - w->u0) * w->scale_u; /* eq. 1, 3 */
+    if (!sv_prewarp_span_init(&span, row->u[i], border, 1, 1, w->out_width))
+        return;
+    struct sv_prewarp_sample sample = {row->v[i], row->displ[i], i, {0}};
+    memcpy(sample.color, color_of(w, i, row->j), 3);
+    sample.color[3] = 255;
+    for (int x = span.first; x < span.last; x++)
+        put(row, x, &sample);
+}
+
+/* The surface from the centre of texel i - 1 to that of texel i. */
+static void put_pair(const struct sv_prewarp_work *w, struct sv_prewarp_row *row, int i)
+{
+    struct sv_prewarp_span span;
+    const uint8_t *a = color_of(w, i - 1, row->j), *b = color_of(w, i, row->j);
+    if (!sv_prewarp_span_init(&span, row->u[i - 1], row->u[i], row->tau[i - 1], row->tau[i], w->out_width))
+        return;
+    for (int x = span.first; x < span.last; x++) {
+        struct sv_prewarp_sample sample;
+        double r, s = sv_prewarp_span_at(&span, x, &r);
+        sample.v = row->v[i - 1] + r * (row->v[i] - row->v[i - 1]);
+        sample.displ = (float)((1 - s) * row->displ[i - 1] + s * row->displ[i]);
+        sample.texel = s < 0.5 ? i - 1 : i;
+        sv_prewarp_mix(a, b, s, sample.color);
+        put(row, x, &sample);
+    }
+}
+
+static void place_texels(const struct sv_prewarp_work *w, struct sv_prewarp_row *row)
+{
+    double vs = row->j + 0.5;
+    for (int i = 0; i < w->width; i++) {
+        size_t t = (size_t)i * w->step_u + (size_t)row->j * w->step_v;
+        double d = w->relief->displ[t], tau = 1 + w->k3 * d;
+        row->run[i] = -1;
+        if (!sv_relief_solid(w->relief, t) || !(tau > w->near))
+            continue;
+        double u = (i + 0.5 + w->k1 * d) / tau, v = (vs + w->k2 * d) / tau; /* eq. 1, 3 */
+        if (!isfinite(u) || !isfinite(v))
+            continue;
+        row->u[i] = (u - w->u0) * w->scale_u;
+        row->v[i] = (v - w->v0) * w->scale_v;
+        row->tau[i] = tau;
+        row->displ[i] = (float)d;
+        bool joined =
+            i > 0 && row->run[i - 1] >= 0 && fabsf(row->displ[i] - row->displ[i - 1]) <= w->relief->cut;
+        row->run[i] = joined ? row->run[i - 1] : i;
+    }
+}
+
+void sv_prewarp_warp_row(const struct sv_prewarp_work *w, int j, struct sv_prewarp_row *row)
+{
+    row->j = j;
+    memset(row->count, 0, (size_t)w->out_width * sizeof *row->count);
+    place_texels(w, row);
+    for (int k = 0; k <= w->width; k++) {
+        int i = w->order_u[k];
+        bool left = i > 0 && row->run[i - 1] >= 0, right = i < w->width && row->run[i] >= 0;
+        if (left && right && row->run[i] == row->run[i - 1]) {
+            put_pair(w, row, i);
+            continue;
+        }
+        /* the half that does not hold the epipole is the farther one */
+        bool right_first = w->epipole_u < i;
+        if (right && right_first)
+            put_half(w, row, i, i);
+        if (left)
+            put_half(w, row, i - 1, i);
+        if (right && !right_first)
+            put_half(w, row, i, i);
+    }
+}
