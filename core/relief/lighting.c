@@ -10,6 +10,8 @@
  *   delta u, v   Du, Dv: difference of displ across two texels (one, doubled, at a border) */
 #include "core/relief/lighting.h"
 
+#include <string.h>
+
 #include "core/base/color.h"
 #include "core/base/simd.h"
 #include "core/relief/lighting_kernel.h"
@@ -17,17 +19,17 @@
 /* Difference of displ over two texels along one axis: `step` texels apart in memory, `at` of `count`.
  * Neighbours that are not there, are empty or lie across a torn edge are left out; a difference over one
  * texel is doubled. */
-static float difference(const struct sv_relief *r, size_t texel, size_t step, int at, int count)
+static double difference(const struct sv_relief *r, size_t texel, size_t step, int at, int count)
 {
-    float here = r->displ[texel], before = here, after = here;
+    double here = (double)r->displ[texel], before = here, after = here, cut = (double)r->cut;
     int texels = 0;
-    if (at > 0 && sv_relief_solid(r, texel - step) && fabsf(r->displ[texel - step] - here) <= r->cut) {
-        before = r->displ[texel - step];
+    if (at > 0 && sv_relief_solid(r, texel - step) && fabs((double)r->displ[texel - step] - here) <= cut) {
+        before = (double)r->displ[texel - step];
         texels++;
     }
     if (at + 1 < count && sv_relief_solid(r, texel + step) &&
-        fabsf(r->displ[texel + step] - here) <= r->cut) {
-        after = r->displ[texel + step];
+        fabs((double)r->displ[texel + step] - here) <= cut) {
+        after = (double)r->displ[texel + step];
         texels++;
     }
     return texels == 1 ? 2 * (after - before) : after - before; /* eq. 6 */
@@ -53,8 +55,8 @@ void sv_relief_normals(struct sv_relief *relief)
             size_t texel = (size_t)j * width + (size_t)i;
             if (!sv_relief_solid(relief, texel))
                 continue;
-            double du = (double)difference(relief, texel, 1, i, relief->width);
-            double dv = (double)difference(relief, texel, width, j, relief->height);
+            double du = difference(relief, texel, 1, i, relief->width);
+            double dv = difference(relief, texel, width, j, relief->height);
             store_normal(-b * du, -a * dv, 2 * a * b, relief->normal[texel]); /* eq. 5 */
         }
 }
@@ -104,12 +106,15 @@ void sv_relief_light_span_scalar(const struct sv_relief_light_row *light,
                                  const struct sv_relief_light_span *span)
 {
     for (int i = span->first; i < span->last; i++) {
+        memcpy(span->rgba[i], span->color[i], 4);
+        if (span->color[i][3] < 128) /* empty */
+            continue;
         float n[3] = {span->normal[i][0], span->normal[i][1], span->normal[i][2]};
         float open = span->normal[i][3], lit = span->lit ? span->lit[i] : 255, shine = 0;
         float n_l = n[0] * light->to_sun[0] + n[1] * light->to_sun[1] + n[2] * light->to_sun[2];
         float up = 0.5f + (n[0] * light->up[0] + n[1] * light->up[1] + n[2] * light->up[2]);
         float sun = fmaxf(0, n_l) * lit;
-        if (light->specular && n_l > 0 && lit > 0 && span->color[i][3] >= 128) {
+        if (light->specular && n_l > 0 && lit > 0) {
             const float unit[3] = {n[0] / 32767, n[1] / 32767, n[2] / 32767};
             shine = lit * mirror(light, unit, (float)i + 0.5f, (float)span->row + 0.5f, span->displ[i]);
         }
@@ -118,7 +123,6 @@ void sv_relief_light_span_scalar(const struct sv_relief_light_row *light,
             float exposed = sv_linear_from_srgb8[span->color[i][c]] * (light->sun[c] * sun + ambient);
             span->rgba[i][c] = sv_srgb8_from_linear(sv_light_tone(exposed + light->mirror[c] * shine));
         }
-        span->rgba[i][3] = span->color[i][3];
     }
 }
 
@@ -126,6 +130,7 @@ void sv_relief_light(const struct sv_relief *relief, const struct sv_relief_ligh
                      uint8_t (*rgba)[4])
 {
     struct sv_relief_light_row light;
+    bool wide = sv_simd_level() >= SV_SIMD_AVX2;
     prepare(options, &light);
     sv_color_init();
     for (int j = 0; j < relief->height; j++) {
@@ -137,6 +142,8 @@ void sv_relief_light(const struct sv_relief *relief, const struct sv_relief_ligh
                                             .rgba = rgba + row,
                                             .row = j,
                                             .last = relief->width};
+        if (wide)
+            span.first = sv_relief_light_span_avx2(&light, &span);
         sv_relief_light_span_scalar(&light, &span);
     }
 }

@@ -27,8 +27,10 @@ struct sv_relief_light {
 };
 
 /* rgba: width * height, the seen colour in sRGB code, alpha as in color[]: light.h's surface rule (exposure
- * and tone in it) from normal[], plus specular * sun_rgb * (n.h)^shininess before the tone curve. Scalar and
- * AVX2 agree to 1 level. */
+ * and tone in it) from normal[], plus specular * sun_rgb * (n.h)^shininess before exposure and tone, h half
+ * way between sun and viewer; none of it where either is behind the surface. Texels of alpha < 128 keep
+ * color[]. Any numbers are legal: a displ that is not finite has no specular light. Scalar and AVX2 agree to
+ * 1 level. */
 void sv_relief_light(const struct sv_relief *relief, const struct sv_relief_light *options,
                      uint8_t (*rgba)[4]);
 

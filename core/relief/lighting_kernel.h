@@ -32,8 +32,7 @@ struct sv_relief_light_span {
 
 void sv_relief_light_span_scalar(const struct sv_relief_light_row *light,
                                  const struct sv_relief_light_span *span);
-/* Without specular light only; multiples of 8 texels, the rest is left to the scalar one: returns the texel
- * where it stopped. */
+/* Whole groups of eight texels; returns the texel where it stopped. */
 int sv_relief_light_span_avx2(const struct sv_relief_light_row *light,
                               const struct sv_relief_light_span *span);
 
