@@ -75,6 +75,19 @@ void sv_tree_draw_destroy(struct sv_tree_draw *draw)
     free(draw);
 }
 
+enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw *draw, struct sv_tree_shade **shade,
+                                         struct sv_error *error)
+{
+    struct sv_shade_species *species = calloc((size_t)draw->species_count + 1, sizeof *species);
+    if (!species)
+        return sv_fail(error, SV_ENOMEM, "species", "no memory to shade %d species", draw->species_count);
+    for (int k = 0; k < draw->species_count; k++)
+        species[k] = sv_quad_draw_shade_species(draw->quads, k);
+    enum sv_status status = sv_tree_shade_create(species, draw->species_count, draw->forest, shade, error);
+    free(species);
+    return status;
+}
+
 enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                    const struct sv_tree_draw_options *options,
                                    struct sv_tree_draw_stats *stats, struct sv_error *error)

@@ -7,6 +7,7 @@
 #include "core/gl/frame.h"
 #include "core/scene/forest.h"
 #include "core/tree/mesh.h"
+#include "core/tree/shade.h"
 
 struct sv_tree_draw;
 
@@ -24,8 +25,11 @@ struct sv_tree_draw_options {
     uint32_t triangle_budget; /* ... nearest first, until this many triangles are spent */
     bool color_only; /* nobody reads depth, id or normal after this call: impostors leave them alone, which is
                         faster */
+    const struct sv_tree_shade *shade; /* NULL: no shadows; else made of this drawing, updated for the frame's
+                                          sun */
 };
-#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 160, 400000, false})
+#define SV_TREE_DRAW_OPTIONS_DEFAULT \
+    ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 160, 400000, false, NULL})
 
 struct sv_tree_draw_stats {
     uint32_t polygon_trees, impostor_trees, culled_trees;
@@ -43,6 +47,9 @@ void sv_tree_draw_destroy(struct sv_tree_draw *draw);
 SV_MUST_CHECK enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                                  const struct sv_tree_draw_options *options,
                                                  struct sv_tree_draw_stats *stats, struct sv_error *error);
+/* The forest in sunlight (shade.h), from the impostors of this drawing, which must outlive it. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw *draw,
+                                                       struct sv_tree_shade **shade, struct sv_error *error);
 /* Bytes that a species takes in a form (POLYGON or IMPOSTOR), textures with mip levels; 0 when not built. */
 size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_tree_form form);
 /* Bakes one species' impostor into the store (needs a current GL context); what the scene process does side

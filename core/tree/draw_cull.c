@@ -62,8 +62,7 @@ double sv_cull_height_px(const struct sv_camera *camera, const struct sv_tree *t
     return size / fmax(distance, 1e-3);
 }
 
-/* Floats as unsigned integers of the same order. */
-static uint32_t order_code(float v)
+uint32_t sv_cull_order_code(float v)
 {
     uint32_t bits;
     memcpy(&bits, &v, sizeof bits);
@@ -79,7 +78,7 @@ static void add_trees(const struct sv_forest *forest, const struct sv_forest_nod
         struct box box = tree_box(tree, species[tree->species].radius, camera->eye);
         if (!all && relate(&box, planes) == OUTSIDE)
             continue;
-        uint32_t key = order_code((float)sv_cull_distance_m(camera, tree));
+        uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(camera, tree));
         list->entries[list->impostor_count++] = (struct sv_cull_entry){key, k};
     }
 }
@@ -110,10 +109,9 @@ static void walk(const struct sv_forest *forest, const struct sv_cull_species *s
     }
 }
 
-static void sort_near_first(struct sv_cull_list *list)
+struct sv_cull_entry *sv_cull_sort(struct sv_cull_entry *entries, struct sv_cull_entry *swap, uint32_t count)
 {
-    struct sv_cull_entry *from = list->entries, *to = list->swap;
-    uint32_t count = list->impostor_count;
+    struct sv_cull_entry *from = entries, *to = swap;
     for (int pass = 0; pass < PASSES; pass++) {
         int shift = pass * RADIX_BITS;
         uint32_t start[RADIX] = {0}, sum = 0;
@@ -126,12 +124,18 @@ static void sort_near_first(struct sv_cull_list *list)
         }
         for (uint32_t k = 0; k < count; k++)
             to[start[from[k].key >> shift & (RADIX - 1)]++] = from[k];
-        struct sv_cull_entry *swap = from;
+        struct sv_cull_entry *other = from;
         from = to;
-        to = swap;
+        to = other;
     }
-    list->entries = from;
-    list->swap = to;
+    return from;
+}
+
+static void sort_near_first(struct sv_cull_list *list)
+{
+    struct sv_cull_entry *sorted = sv_cull_sort(list->entries, list->swap, list->impostor_count);
+    list->swap = sorted == list->entries ? list->swap : list->entries;
+    list->entries = sorted;
 }
 
 /* Splits the list, nearest first, into polygons and the rest, and turns the rest over. The nearest polygon

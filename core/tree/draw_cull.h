@@ -38,6 +38,11 @@ SV_MUST_CHECK enum sv_status sv_cull_forest(const struct sv_forest *forest,
                                             struct sv_cull_list *list, struct sv_error *error);
 void sv_cull_list_finish(struct sv_cull_list *list);
 
+/* Floats as unsigned integers of the same order. */
+uint32_t sv_cull_order_code(float v);
+/* Sorts by key, rising, order among equals kept; the result lies in entries or in swap (count each). */
+struct sv_cull_entry *sv_cull_sort(struct sv_cull_entry *entries, struct sv_cull_entry *swap, uint32_t count);
+
 /* Distance that decides form and order: perspective: from the eye to the tree's middle; orthographic: depth.
  */
 double sv_cull_distance_m(const struct sv_camera *camera, const struct sv_tree *tree);

@@ -52,6 +52,7 @@ struct quad_vertex {
 
 struct species_quads {
     struct sv_impostor_frame *frames;        /* heap, owner's; NULL: not built */
+    uint8_t *coverage;                       /* heap, owner's, SIDE x SIDE: what shade.h is made from */
     float (*scatter)[SV_IMPOSTOR_FRAMES][6]; /* heap, owner's: a row a level (impostor.h) */
     float translucency[4];
     int owner, layer;
@@ -148,10 +149,13 @@ static enum sv_status build_species(const struct sv_quad_draw *draw,
         status = sv_impostor_levels_init(&impostor, &levels, error);
     if (!status) {
         s->frames = malloc(sizeof impostor.frames);
-        if (!s->frames)
+        s->coverage = malloc((size_t)SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE);
+        if (!s->frames || !s->coverage)
             status = sv_fail(error, SV_ENOMEM, "impostor", "no memory for %zu bytes", sizeof impostor.frames);
     }
     if (!status) {
+        for (size_t k = 0; k < (size_t)SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE; k++)
+            s->coverage[k] = impostor.albedo[4 * k + 3];
         memcpy(s->frames, impostor.frames, sizeof impostor.frames);
         memcpy(s->translucency, impostor.translucency, sizeof s->translucency);
         s->scatter = levels.scatter;
@@ -261,6 +265,7 @@ void sv_quad_draw_destroy(struct sv_quad_draw *draw)
         return;
     for (int k = 0; k < draw->species_count; k++) {
         free(draw->species[k].frames);
+        free(draw->species[k].coverage);
         free(draw->species[k].scatter);
     }
     gl.DeleteTextures(1, &draw->albedo);
@@ -273,6 +278,15 @@ void sv_quad_draw_destroy(struct sv_quad_draw *draw)
     gl.DeleteProgram(draw->hard);
     free(draw->species);
     free(draw);
+}
+
+struct sv_shade_species sv_quad_draw_shade_species(const struct sv_quad_draw *draw, int species)
+{
+    const struct species_quads *s = &draw->species[species];
+    if (!s->mesh)
+        return (struct sv_shade_species){NULL, NULL, 0};
+    const struct species_quads *owner = &draw->species[s->owner];
+    return (struct sv_shade_species){owner->frames, owner->coverage, s->mesh->radius};
 }
 
 size_t sv_quad_draw_bytes(const struct sv_quad_draw *draw, int species)

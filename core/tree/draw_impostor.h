@@ -24,6 +24,8 @@ SV_MUST_CHECK enum sv_status sv_quad_draw_trees(struct sv_quad_draw *draw, const
                                                 const struct sv_tree *trees,
                                                 const struct sv_cull_entry *entries, uint32_t count,
                                                 bool soft_only, struct sv_error *error);
+/* What shade.h needs of a species (frames NULL: not built); valid as long as draw. */
+struct sv_shade_species sv_quad_draw_shade_species(const struct sv_quad_draw *draw, int species);
 size_t sv_quad_draw_bytes(const struct sv_quad_draw *draw, int species);
 
 #endif

@@ -1,0 +1,89 @@
+/* shade.h - trees in sunlight: what they keep from the ground, and what the terrain and their neighbours keep
+ * from them.
+ *
+ * For one direction of the sun (update) there are two results:
+ * - silhouettes of every species as the sun sees it, in SV_SHADE_TURNS turns about the stem, prefiltered;
+ *   cast() puts those of all trees that can reach a shadow window (core/terrain/shadow_window.h) into it;
+ * - the share of sunlight that arrives at each tree, on a small grid of its own (SV_SHADE_COLUMNS across the
+ *   light, SV_SHADE_ROWS along "up" as the sun sees it), after the terrain's shadow and the crowns of other
+ *   trees, never its own: the tree's own crown is sv_tree_vertex.open. draw.h takes it as options.shade.
+ *
+ * Own derivation of the second: in the plane square to the light a tree's shade is a picture (paper 1, 3.3.2,
+ * step (2)). Trees are taken in the order in which light reaches them; each first reads what light is left in
+ * its outline, then multiplies its own coverage into the picture. So every tree costs its own texels once,
+ * however long shadows are. What a row of that grid sees is hidden or lit together by whatever stands
+ * sunward, which no height alone would be.
+ *
+ * Silhouettes come from the impostor's frames (impostor.h), laid into space as its quads are, so that nothing
+ * is rasterised when the sun moves. No GL. One thread at a time an object. Deterministic: results depend on
+ * forest, species and sun alone, never on earlier suns. */
+#ifndef SV_TREE_SHADE_H
+#define SV_TREE_SHADE_H
+
+#include "core/scene/forest.h"
+#include "core/terrain/shadow_window.h"
+#include "core/tree/impostor.h"
+
+enum { SV_SHADE_TURNS = 16, SV_SHADE_COLUMNS = 2, SV_SHADE_ROWS = 4, SV_SHADE_SUNS = 3 };
+
+/* What is known of a species. */
+struct sv_shade_species {
+    const struct sv_impostor_frame *frames; /* SV_IMPOSTOR_FRAMES, borrowed for life; NULL: has no trees */
+    const uint8_t *coverage; /* SV_IMPOSTOR_SIDE squared, row 0 at the top: share covered, * 255; borrowed */
+    float radius;            /* of the crown, in heights */
+};
+
+/* Light that arrives at a tree: share of sunlight * 255 at the grid's nodes; [c][r], r from the lowest up. */
+struct sv_tree_light {
+    uint8_t share[SV_SHADE_COLUMNS][SV_SHADE_ROWS];
+};
+
+/* Where a point of a tree lies on that grid: with p = (point - foot) / height in world axes, column
+ * coordinate p . across[0..2] + across[3] (0: first column, 1: second; held in 0..1) and row coordinate
+ * p . along[0..2] + along[3] (0 .. SV_SHADE_ROWS - 1; held there); the share is bilinear between. */
+struct sv_tree_light_axes {
+    float across[4], along[4];
+};
+
+/* For the draw calls: of_tree is indexed as sv_forest.trees, of_species by sv_tree.species. */
+struct sv_tree_lights {
+    const struct sv_tree_light *of_tree;
+    const struct sv_tree_light_axes *of_species;
+};
+
+struct sv_tree_shade;
+
+/* World height up to which the terrain (and what else stands there) keeps the sun away at world (x, y); at or
+ * below the ground, or -INFINITY or NaN: nothing does. */
+typedef double (*sv_shade_ground)(void *context, double x, double y);
+
+/* Borrows forest and what species point to for life. Some kB a species at first; an update takes 8 bytes a
+ * tree and sun (SV_SHADE_SUNS are kept), 12 bytes a tree and up to 20 MB while it runs. Species that share
+ * frames share silhouettes. SV_ENOMEM; SV_EINVAL when a tree is of a species without frames. */
+SV_MUST_CHECK enum sv_status sv_tree_shade_create(const struct sv_shade_species *species, int species_count,
+                                                  const struct sv_forest *forest,
+                                                  struct sv_tree_shade **shade, struct sv_error *error);
+void sv_tree_shade_destroy(struct sv_tree_shade *shade); /* NULL is legal */
+
+/* Makes the shade of the sun at to_sun (unit, world) current; free for one of the last SV_SHADE_SUNS.
+ * to_sun.z
+ * <= 0: night: nothing is cast and no sunlight arrives. ground NULL: no shadow of the terrain. The terrain is
+ * taken to be the same for the same sun. SV_EINVAL for a direction that is not finite or of length 0;
+ * SV_ENOMEM (the shade before stays current). */
+SV_MUST_CHECK enum sv_status sv_tree_shade_update(struct sv_tree_shade *shade, struct sv_vec3 to_sun,
+                                                  sv_shade_ground ground, void *ground_context,
+                                                  struct sv_error *error);
+
+/* An sv_shadow_caster (context: the sv_tree_shade): casts every tree whose shadow can fall on the window.
+ * Nothing before the first update, and at night. */
+void sv_tree_shade_cast(void *shade, struct sv_shadow_window *window);
+
+/* Light of the current sun; valid until the next update. {NULL, NULL} before the first. */
+struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade);
+
+/* Share of sunlight at a point p of a tree (world axes, from the foot, in heights), 0..1. Twin: tree_light in
+ * core/gl/shaders/tree_light.glsl. */
+float sv_tree_light_at(const struct sv_tree_light *light, const struct sv_tree_light_axes *axes,
+                       const float p[3]);
+
+#endif

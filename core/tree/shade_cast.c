@@ -1,0 +1,196 @@
+/* shade_cast.c - the forest's shadow on a window of ground.
+ *
+ * The hierarchy's boxes, swept along the light over the heights that the ground has, are held against the
+ * window; trees of what is left are cast by sv_shadow_window_cast with a silhouette whose texels are about
+ * the window's. A tree that is narrower than the window's texels is put down row by row as points of shade:
+ * the same amount, some tens of nanoseconds. */
+#include <math.h>
+
+#include "core/tree/shade_private.h"
+
+enum { STACK = 64 };
+
+static const double STAMP_TEXELS = 1.25; /* trees narrower than that are stamped */
+static const double LEVEL_SUN_Z = 1e-6;  /* suns lower than that are taken to stand there */
+
+/* What is the same for all trees. Places are relative to the window's corner and to its z0. */
+struct casting {
+    const struct sv_tree_shade *shade;
+    const struct sv_shade_sun *sun;
+    struct sv_shadow_window *window;
+    double side_m;           /* of the window */
+    double slope_x, slope_y; /* by how much shade moves for a metre of height */
+};
+
+struct box {
+    double lo[3], hi[3];
+};
+
+/* Narrows [*from, *to] to the heights u for which [lo, hi] + slope u meets [0, side]. */
+static bool meet(double lo, double hi, double slope, double side, double *from, double *to)
+{
+    if (fabs(slope) < 1e-12)
+        return lo <= side && hi >= 0;
+    double a = -hi / slope, b = (side - lo) / slope;
+    *from = fmax(*from, fmin(a, b));
+    *to = fmin(*to, fmax(a, b));
+    return *from <= *to;
+}
+
+static bool reaches(const struct casting *c, const struct box *box)
+{
+    double from = fmax(0, box->lo[2] - (double)c->window->ground_max),
+           to = box->hi[2] - (double)c->window->ground_min;
+    return from <= to && meet(box->lo[0], box->hi[0], c->slope_x, c->side_m, &from, &to) &&
+           meet(box->lo[1], box->hi[1], c->slope_y, c->side_m, &from, &to);
+}
+
+static struct box node_box(const struct casting *c, const struct sv_forest_node *node)
+{
+    const struct sv_vec3 o = c->shade->forest->origin;
+    const double at[3] = {o.x - c->window->x0, o.y - c->window->y0, o.z - c->window->z0};
+    struct box box;
+    for (int a = 0; a < 3; a++) {
+        box.lo[a] = at[a] + (double)node->box_min[a];
+        box.hi[a] = at[a] + (double)node->box_max[a];
+    }
+    return box;
+}
+
+static struct box tree_box(const struct casting *c, const struct sv_tree *tree)
+{
+    double h = (double)tree->height_m, r = h * (double)c->shade->species[tree->species].radius;
+    double x = tree->x - c->window->x0, y = tree->y - c->window->y0, z = tree->z - c->window->z0;
+    return (struct box){{x - r, y - r, z}, {x + r, y + r, z + h}};
+}
+
+static int level_for(const struct sv_shade_outline *o, double height_m, double texel_m)
+{
+    int n = 0;
+    double texel = (double)o->texel * height_m;
+    while (n < o->levels - 1 && texel * 2 <= texel_m) {
+        texel *= 2;
+        n++;
+    }
+    return n;
+}
+
+static float ground_at(const struct sv_shadow_window *w, double x, double y)
+{
+    int i = (int)sv_clamp(x / w->texel_m, 0, SV_SHADOW_WINDOW_SIDE - 1),
+        j = (int)sv_clamp(y / w->texel_m, 0, SV_SHADOW_WINDOW_SIDE - 1);
+    return w->ground[(size_t)j * SV_SHADOW_WINDOW_SIDE + (size_t)i];
+}
+
+static void darken(struct sv_shadow_window *w, int i, int j, double share)
+{
+    if (i < 0 || j < 0 || i >= SV_SHADOW_WINDOW_SIDE || j >= SV_SHADOW_WINDOW_SIDE)
+        return;
+    uint8_t *light = &w->light[(size_t)j * SV_SHADOW_WINDOW_SIDE + (size_t)i];
+    *light = (uint8_t)((double)*light * (1 - fmin(share, 1)) + 0.5);
+}
+
+/* Shade of `area_m2` (on the light's plane) at the point p (window's frame), on the ground below it. */
+static void stamp(const struct casting *c, struct sv_vec3 p, double area_m2)
+{
+    struct sv_shadow_window *w = c->window;
+    double x = p.x, y = p.y;
+    for (int k = 0; k < 3;
+         k++) { /* the ground's height where the shade falls, from where it was thought to */
+        double drop = p.z - (double)ground_at(w, x, y);
+        x = p.x + c->slope_x * drop;
+        y = p.y + c->slope_y * drop;
+    }
+    double u = x / w->texel_m - 0.5, v = y / w->texel_m - 0.5;
+    if (!(u > -1 && v > -1 && u < SV_SHADOW_WINDOW_SIDE && v < SV_SHADOW_WINDOW_SIDE))
+        return;
+    double share = area_m2 / (fmax(c->sun->axes.to_sun.z, LEVEL_SUN_Z) * w->texel_m * w->texel_m);
+    double fu = u - floor(u), fv = v - floor(v);
+    int i = (int)floor(u), j = (int)floor(v);
+    darken(w, i, j, share * (1 - fu) * (1 - fv));
+    darken(w, i + 1, j, share * fu * (1 - fv));
+    darken(w, i, j + 1, share * (1 - fu) * fv);
+    darken(w, i + 1, j + 1, share * fu * fv);
+}
+
+/* A slender tree: each row of a silhouette whose rows are about a window's texel long on the ground. */
+static void stamp_tree(const struct casting *c, const struct sv_shade_outline *o, const struct sv_tree *tree)
+{
+    const struct sv_shade_axes *axes = &c->sun->axes;
+    double h = (double)tree->height_m;
+    const struct sv_silhouette *l =
+        &o->level[level_for(o, h, c->window->texel_m * fmax(axes->to_sun.z, LEVEL_SUN_Z))];
+    double texel = h * l->width_m / l->width;
+    struct sv_vec3 foot = sv_vec3(tree->x - c->window->x0, tree->y - c->window->y0, tree->z - c->window->z0);
+    for (int j = 0; j < l->height; j++) {
+        double sum = 0, across = 0;
+        for (int i = 0; i < l->width; i++) {
+            double covered = l->coverage[(size_t)j * (size_t)l->width + (size_t)i];
+            sum += covered;
+            across += covered * (i + 0.5);
+        }
+        if (!(sum > 0))
+            continue;
+        double x = h * (double)o->left + across / sum * texel, y = h * (double)o->top - (j + 0.5) * texel;
+        stamp(c, sv_madd(sv_madd(foot, axes->right, x), axes->up, y), sum / 255 * texel * texel);
+    }
+}
+
+static void cast_tree(const struct casting *c, const struct sv_tree *tree)
+{
+    const struct sv_shade_view *view = &c->sun->views[c->shade->owner[tree->species]];
+    const struct sv_shade_outline *o = &view->turn[sv_shade_turn(tree->rotation_rad)];
+    double h = (double)tree->height_m;
+    if (o->levels == 0)
+        return;
+    if (h * (double)o->level[0].width * (double)o->texel < STAMP_TEXELS * c->window->texel_m) {
+        stamp_tree(c, o, tree);
+        return;
+    }
+    /* Across the light a window's texel is as long as it is, along it shorter by sin(elevation): between. */
+    double texel_m = c->window->texel_m * sqrt(c->sun->axes.to_sun.z);
+    const struct sv_silhouette *l = &o->level[level_for(o, h, texel_m)];
+    sv_shadow_window_cast(c->window, l, sv_vec3(tree->x, tree->y, tree->z), h);
+}
+
+static void cast_leaf(const struct casting *c, const struct sv_forest_node *node)
+{
+    for (uint32_t k = node->first; k < node->first + node->count; k++) {
+        const struct sv_tree *tree = &c->shade->forest->trees[k];
+        struct box box = tree_box(c, tree);
+        if (reaches(c, &box))
+            cast_tree(c, tree);
+    }
+}
+
+void sv_tree_shade_cast(void *context, struct sv_shadow_window *window)
+{
+    const struct sv_tree_shade *shade = context;
+    const struct sv_forest *forest = shade->forest;
+    if (!shade->current || forest->node_count == 0)
+        return;
+    struct sv_vec3 to_sun = shade->current->axes.to_sun;
+    double rise = fmax(to_sun.z, LEVEL_SUN_Z);
+    struct casting c = {.shade = shade,
+                        .sun = shade->current,
+                        .window = window,
+                        .side_m = SV_SHADOW_WINDOW_SIDE * window->texel_m,
+                        .slope_x = -to_sun.x / rise,
+                        .slope_y = -to_sun.y / rise};
+    uint32_t stack[STACK];
+    int top = 0;
+    stack[top++] = 1;
+    while (top > 0) {
+        uint32_t k = stack[--top];
+        const struct sv_forest_node *node = &forest->nodes[k];
+        struct box box = node_box(&c, node);
+        if (node->count == 0 || !reaches(&c, &box))
+            continue;
+        if (k >= forest->leaf_first) {
+            cast_leaf(&c, node);
+            continue;
+        }
+        stack[top++] = 2 * k + 1;
+        stack[top++] = 2 * k;
+    }
+}

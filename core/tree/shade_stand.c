@@ -1,0 +1,360 @@
+/* shade_stand.c - how much sunlight arrives at each tree of a forest.
+ *
+ * In the plane square to the light every tree covers a part of a picture of what light is left. Trees are
+ * taken in the order in which light passes them; each reads the picture under its outline (weighted by its
+ * own coverage: what of it faces the sun), then multiplies 1 - coverage into it. Two upright trees that do
+ * not touch are parted by an upright plane, and light crosses that plane from the one that stands nearer to
+ * the sun on the ground: so the order is that of feet along the sun's azimuth, with a part of height for
+ * crowns that hang over others (ORDER_HEIGHT).
+ *
+ * The picture is kept in tiles, only where trees are, at a resolution that fits trees; where that would take
+ * more than TILES_MAX tiles it is halved, which blurs outlines but keeps the amount of shade. The terrain's
+ * shadow is total below its height at the foot. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/tree/draw_cull.h"
+#include "core/tree/shade_private.h"
+
+enum { TILE = 64, TILE_TEXELS = TILE * TILE, TILES_MAX = 2048, GRID_MAX = 1 << 22, COLUMNS_MAX = 1024 };
+enum { FULL = 65535 };
+
+static const double TEXELS_A_TREE = 16; /* along the mean tree */
+static const double TEXELS_MAX = 384;   /* along the tallest */
+static const double ORDER_HEIGHT = 0.5;
+static const float BARE_WEIGHT =
+    0.02f; /* of a texel that the tree itself leaves open: answers for bare parts */
+
+struct canvas {
+    double x0, y0,
+        texel; /* place of the lower left corner on the light's plane, from the forest's origin, m */
+    uint32_t tiles_x, tiles_y, tiles;
+    uint32_t *tile;  /* heap: index of the tile's texels + 1; 0: no tree is there */
+    uint16_t *light; /* heap: share of light left, * FULL */
+};
+
+/* A tree on the light's plane: foot, m from the forest's origin. */
+struct spot {
+    double x, y;
+};
+
+static struct spot spot_of(const struct sv_forest *forest, const struct sv_shade_axes *axes,
+                           const struct sv_tree *tree)
+{
+    struct sv_vec3 p = sv_sub(sv_vec3(tree->x, tree->y, tree->z), forest->origin);
+    return (struct spot){sv_dot(p, axes->right), sv_dot(p, axes->up)};
+}
+
+struct bounds {
+    double x0, y0, x1, y1;
+};
+
+static struct bounds tree_bounds(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
+                                 const struct sv_tree *tree)
+{
+    const struct sv_shade_view *view = &sun->views[shade->owner[tree->species]];
+    struct spot at = spot_of(shade->forest, &sun->axes, tree);
+    double h = (double)tree->height_m, reach = h * (double)view->reach;
+    return (struct bounds){at.x - reach, at.y + h * (double)view->bottom, at.x + reach,
+                           at.y + h * (double)view->top};
+}
+
+/* ---- the canvas ---- */
+
+static struct bounds forest_bounds(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun)
+{
+    struct bounds all = {INFINITY, INFINITY, -INFINITY, -INFINITY};
+    for (uint32_t k = 0; k < shade->forest->count; k++) {
+        struct bounds b = tree_bounds(shade, sun, &shade->forest->trees[k]);
+        all.x0 = fmin(all.x0, b.x0);
+        all.y0 = fmin(all.y0, b.y0);
+        all.x1 = fmax(all.x1, b.x1);
+        all.y1 = fmax(all.y1, b.y1);
+    }
+    return all;
+}
+
+static uint32_t tile_at(double v, double v0, double texel, uint32_t count)
+{
+    double t = (v - v0) / (texel * TILE);
+    return t > 0 ? (t < count ? (uint32_t)t : count - 1) : 0;
+}
+
+/* Numbers the tiles that trees touch; their count, or TILES_MAX + 1 where there are more. */
+static uint32_t number_tiles(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
+                             struct canvas *c)
+{
+    memset(c->tile, 0, (size_t)c->tiles_x * c->tiles_y * sizeof *c->tile);
+    uint32_t made = 0;
+    for (uint32_t k = 0; k < shade->forest->count; k++) {
+        struct bounds b = tree_bounds(shade, sun, &shade->forest->trees[k]);
+        uint32_t x0 = tile_at(b.x0 - c->texel, c->x0, c->texel, c->tiles_x),
+                 x1 = tile_at(b.x1 + c->texel, c->x0, c->texel, c->tiles_x),
+                 y0 = tile_at(b.y0 - c->texel, c->y0, c->texel, c->tiles_y),
+                 y1 = tile_at(b.y1 + c->texel, c->y0, c->texel, c->tiles_y);
+        for (uint32_t y = y0; y <= y1; y++)
+            for (uint32_t x = x0; x <= x1; x++) {
+                uint32_t *tile = &c->tile[(size_t)y * c->tiles_x + x];
+                if (*tile)
+                    continue;
+                if (made == TILES_MAX)
+                    return TILES_MAX + 1;
+                *tile = ++made;
+            }
+    }
+    return made;
+}
+
+static double tallest(const struct sv_forest *forest)
+{
+    double height = 0;
+    for (uint32_t k = 0; k < forest->count; k++)
+        height = fmax(height, (double)forest->trees[k].height_m);
+    return height;
+}
+
+static void lay_out(const struct bounds *b, double texel, struct canvas *c)
+{
+    c->texel = texel;
+    c->x0 = b->x0 - 2 * texel;
+    c->y0 = b->y0 - 2 * texel;
+    c->tiles_x = (uint32_t)fmin((b->x1 - c->x0 + 2 * texel) / (texel * TILE) + 1, 1e9);
+    c->tiles_y = (uint32_t)fmin((b->y1 - c->y0 + 2 * texel) / (texel * TILE) + 1, 1e9);
+}
+
+static enum sv_status canvas_init(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
+                                  struct canvas *c, struct sv_error *error)
+{
+    struct bounds b = forest_bounds(shade, sun);
+    double texel = fmax((double)shade->height_mean / TEXELS_A_TREE, tallest(shade->forest) / TEXELS_MAX);
+    lay_out(&b, texel, c);
+    while ((uint64_t)c->tiles_x * c->tiles_y > GRID_MAX)
+        lay_out(&b, c->texel * 2, c);
+    c->tile = malloc((size_t)c->tiles_x * c->tiles_y * sizeof *c->tile);
+    if (!c->tile)
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u x %u tiles of light", c->tiles_x,
+                       c->tiles_y);
+    while ((c->tiles = number_tiles(shade, sun, c)) > TILES_MAX)
+        lay_out(&b, c->texel * 2, c);
+    size_t texels = (size_t)c->tiles * TILE_TEXELS;
+    c->light = malloc(texels * sizeof *c->light + 1);
+    if (!c->light)
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory for %zu texels of light", texels);
+    memset(c->light, 0xff, texels * sizeof *c->light);
+    return SV_OK;
+}
+
+static void canvas_finish(struct canvas *c)
+{
+    free(c->tile);
+    free(c->light);
+}
+
+/* ---- a tree on the canvas ---- */
+
+struct cell {
+    float light, weight;
+};
+
+/* A tree's outline on the canvas: texels [i0, i1) x [j0, j1), and for each the place in the silhouette. */
+struct print {
+    const struct sv_silhouette *level;
+    int i0, i1, j0, j1;
+    float u0, v0, step;     /* silhouette coordinates (texel centres at whole numbers) of texel (i0, j0) */
+    float column0, columns; /* grid coordinate of texel i0, and a texel */
+    float row0, rows;
+    float thin; /* what coverage is multiplied by: a tree of less than a texel is drawn larger and thinner */
+};
+
+static bool print_init(const struct canvas *c, const struct sv_shade_view *view,
+                       const struct sv_shade_outline *o, struct spot at, double h, struct print *p)
+{
+    if (o->levels == 0)
+        return false;
+    double texel = (double)o->texel * h;
+    int n = 0;
+    while (n < o->levels - 1 && texel * 2 <= c->texel) {
+        texel *= 2;
+        n++;
+    }
+    p->level = &o->level[n];
+    /* Texels of the last level may still be smaller than the canvas': they are grown to its size. */
+    double grow = fmax(1, c->texel / (2 * texel));
+    double width = p->level->width * texel, height = p->level->height * texel;
+    double left = at.x + h * (double)o->left - c->x0 - 0.5 * (grow - 1) * width;
+    double top = at.y + h * (double)o->top - c->y0 + 0.5 * (grow - 1) * height;
+    p->thin = (float)(1 / (grow * grow));
+    texel *= grow;
+    width *= grow;
+    height *= grow;
+    p->i0 = (int)floor((left - 0.5 * texel) / c->texel);
+    p->i1 = (int)ceil((left + width + 0.5 * texel) / c->texel);
+    p->j0 = (int)floor((top - height - 0.5 * texel) / c->texel);
+    p->j1 = (int)ceil((top + 0.5 * texel) / c->texel);
+    p->i0 = p->i0 < 0 ? 0 : p->i0;
+    p->j0 = p->j0 < 0 ? 0 : p->j0;
+    p->step = (float)(c->texel / texel);
+    double x = (p->i0 + 0.5) * c->texel, y = (p->j0 + 0.5) * c->texel;
+    p->u0 = (float)((x - left) / texel - 0.5);
+    p->v0 = (float)((top - y) / texel - 0.5);
+    double reach = fmax(h * (double)view->reach, 1e-9);
+    double tall = fmax(h * ((double)view->top - (double)view->bottom), 1e-9);
+    p->column0 = (float)(((x + c->x0 - at.x) / (2 * reach) + 0.5) * SV_SHADE_COLUMNS);
+    p->columns = (float)(c->texel / (2 * reach) * SV_SHADE_COLUMNS);
+    p->row0 = (float)((y + c->y0 - at.y - h * (double)view->bottom) / tall * SV_SHADE_ROWS);
+    p->rows = (float)(c->texel / tall * SV_SHADE_ROWS);
+    return p->i1 > p->i0 && p->j1 > p->j0 && p->i1 - p->i0 <= COLUMNS_MAX;
+}
+
+static int held(float v, int count)
+{
+    return v > 0 ? (v < (float)count ? (int)v : count - 1) : 0;
+}
+
+/* Coverage of row j of the print, 0 .. 1: bilinear in the silhouette, nothing around it. */
+static void print_row(const struct print *p, int j, float *row)
+{
+    const struct sv_silhouette *l = p->level;
+    float v = p->v0 - (float)(j - p->j0) * p->step, base = floorf(v), fv = v - base;
+    int v0 = (int)base;
+    static const uint8_t nothing[SV_OUTLINE_SIDE];
+    const uint8_t *a = v0 >= 0 && v0 < l->height ? l->coverage + (size_t)v0 * (size_t)l->width : nothing;
+    const uint8_t *b =
+        v0 + 1 >= 0 && v0 + 1 < l->height ? l->coverage + (size_t)(v0 + 1) * (size_t)l->width : nothing;
+    float above = (1 - fv) * p->thin / 255.0f, below = fv * p->thin / 255.0f;
+    for (int i = p->i0; i < p->i1; i++) {
+        float u = p->u0 + (float)(i - p->i0) * p->step, ub = floorf(u), fu = u - ub;
+        int u0 = (int)ub;
+        bool in0 = u0 >= 0 && u0 < l->width, in1 = u0 + 1 >= 0 && u0 + 1 < l->width;
+        float left = in0 ? (float)a[u0] * above + (float)b[u0] * below : 0;
+        float right = in1 ? (float)a[u0 + 1] * above + (float)b[u0 + 1] * below : 0;
+        row[i - p->i0] = left + fu * (right - left);
+    }
+}
+
+/* Reads the light on row j into the cells, then takes the tree's own coverage off it. */
+static void pass_row(struct canvas *c, const struct print *p, int j, const float *coverage,
+                     struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS])
+{
+    int row = held(p->row0 + (float)(j - p->j0) * p->rows, SV_SHADE_ROWS);
+    const uint32_t *tiles = c->tile + (size_t)(j / TILE) * c->tiles_x;
+    for (int i = p->i0; i < p->i1;) {
+        uint32_t tile = tiles[i / TILE];
+        int end = (i / TILE + 1) * TILE;
+        end = end < p->i1 ? end : p->i1;
+        if (tile == 0) {
+            i = end;
+            continue;
+        }
+        uint16_t *light = c->light + (size_t)(tile - 1) * TILE_TEXELS + (size_t)(j % TILE) * TILE;
+        for (; i < end; i++) {
+            struct cell *cell =
+                &cells[held(p->column0 + (float)(i - p->i0) * p->columns, SV_SHADE_COLUMNS)][row];
+            float own = coverage[i - p->i0], left = light[i % TILE], weight = own + BARE_WEIGHT;
+            cell->light += weight * left;
+            cell->weight += weight;
+            light[i % TILE] = (uint16_t)(left * (1 - own) + 0.5f);
+        }
+    }
+}
+
+static void pass_tree(struct canvas *c, const struct print *p,
+                      struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS])
+{
+    float coverage[COLUMNS_MAX];
+    int rows = (int)c->tiles_y * TILE, columns = (int)c->tiles_x * TILE;
+    struct print held_in = *p;
+    held_in.i1 = p->i1 < columns ? p->i1 : columns;
+    held_in.j1 = p->j1 < rows ? p->j1 : rows;
+    for (int j = held_in.j0; j < held_in.j1; j++) {
+        print_row(&held_in, j, coverage);
+        pass_row(c, &held_in, j, coverage, cells);
+    }
+}
+
+/* Share of the terrain's light at the grid's rows: dark below the height of its shadow at the foot. */
+static void terrain_rows(const struct sv_shade_view *view, const struct sv_shade_axes *axes,
+                         const struct sv_tree *tree, sv_shade_ground ground, void *context,
+                         float lit[SV_SHADE_ROWS])
+{
+    for (int r = 0; r < SV_SHADE_ROWS; r++)
+        lit[r] = 1;
+    double h = (double)tree->height_m;
+    double dark_m = ground ? ground(context, tree->x, tree->y) - tree->z : 0;
+    /* A ground that is lit has its own height for a shadow's, up to rounding and the grid's cells. */
+    if (!(dark_m > 0.1 + 0.05 * h))
+        return;
+    /* The shadow's surface holds the light's direction: on the light's plane it is a height along up. */
+    double edge = dark_m * axes->up.z, row_m = h * (double)(view->top - view->bottom) / SV_SHADE_ROWS;
+    for (int r = 0; r < SV_SHADE_ROWS; r++) {
+        double at = h * (double)view->bottom + (r + 0.5) * row_m;
+        lit[r] = (float)sv_clamp(0.5 + (at - edge) / fmax(row_m, 1e-9), 0, 1);
+    }
+}
+
+static void put_light(struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS], const float lit[SV_SHADE_ROWS],
+                      struct sv_tree_light *out)
+{
+    float light = 0, weight = 0;
+    for (int k = 0; k < SV_SHADE_COLUMNS; k++)
+        for (int r = 0; r < SV_SHADE_ROWS; r++) {
+            light += cells[k][r].light;
+            weight += cells[k][r].weight;
+        }
+    float mean = weight > 0 ? light / weight : FULL;
+    for (int k = 0; k < SV_SHADE_COLUMNS; k++)
+        for (int r = 0; r < SV_SHADE_ROWS; r++) {
+            const struct cell *cell = &cells[k][r];
+            float share = cell->weight > 0 ? cell->light / cell->weight : mean;
+            out->share[k][r] = (uint8_t)(share / FULL * 255.0f * lit[r] + 0.5f);
+        }
+}
+
+static enum sv_status order(const struct sv_tree_shade *shade, const struct sv_shade_axes *axes,
+                            struct sv_cull_entry **entries, struct sv_cull_entry **block,
+                            struct sv_error *error)
+{
+    uint32_t count = shade->forest->count;
+    struct sv_cull_entry *made = malloc(2 * ((size_t)count + 1) * sizeof *made);
+    if (!made)
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory to sort %u trees", count);
+    for (uint32_t k = 0; k < count; k++) {
+        const struct sv_tree *tree = &shade->forest->trees[k];
+        struct sv_vec3 p = sv_sub(sv_vec3(tree->x, tree->y, tree->z), shade->forest->origin);
+        double along = p.x * axes->to_sun.x + p.y * axes->to_sun.y;
+        double high = (p.z + (double)tree->height_m) * axes->to_sun.z;
+        made[k] = (struct sv_cull_entry){sv_cull_order_code((float)-(along + ORDER_HEIGHT * high)), k};
+    }
+    *block = made;
+    *entries = sv_cull_sort(made, made + count, count);
+    return SV_OK;
+}
+
+enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                              sv_shade_ground ground, void *ground_context, struct sv_error *error)
+{
+    struct canvas canvas = {0};
+    struct sv_cull_entry *entries = NULL, *block = NULL;
+    uint32_t count = shade->forest->count;
+    if (count == 0)
+        return SV_OK;
+    enum sv_status status = canvas_init(shade, sun, &canvas, error);
+    if (!status)
+        status = order(shade, &sun->axes, &entries, &block, error);
+    for (uint32_t k = 0; !status && k < count; k++) {
+        const struct sv_tree *tree = &shade->forest->trees[entries[k].tree];
+        const struct sv_shade_view *view = &sun->views[shade->owner[tree->species]];
+        struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS] = {{{0, 0}}};
+        struct print print;
+        float lit[SV_SHADE_ROWS];
+        if (print_init(&canvas, view, &view->turn[sv_shade_turn(tree->rotation_rad)],
+                       spot_of(shade->forest, &sun->axes, tree), (double)tree->height_m, &print))
+            pass_tree(&canvas, &print, cells);
+        terrain_rows(view, &sun->axes, tree, ground, ground_context, lit);
+        put_light(cells, lit, &sun->lights[entries[k].tree]);
+    }
+    free(block);
+    canvas_finish(&canvas);
+    return status;
+}
