@@ -11,11 +11,11 @@
  *     v' - n/2 = (v - n/2) (1 - z / distance)              eq. (9)
  * Derivation: texel (u, v) of the picture lies on the plane at lateral offset (u - n/2) s, s its side. The
  * ray through it is at depth Z at the lateral offset (u - n/2) s Z / distance, and Z / distance = 1 - z /
- * distance: that is (8). (1) for this eye (c.f = -distance, epipole n/2) brings u' back:
- *     n/2 + (u' - n/2) / (1 + k3 z) = n/2 + (u' - n/2) / (1 - z / distance) = u.
- * It is right for THIS z only. Printed, z "is" the z-buffer's value: then displ is no distance and the round
- * trip fails (a test shows it). u' is no index into an array (far points leave [0, n]): a panel keeps q =
- * distance / Z at (u, v) instead, and q is affine in window depth.
+ * distance: that is (8). (1) for this eye (c.f = -distance, epipole n/2) brings u' back, n/2 + (u' - n/2) /
+ * (1 + k3 z) = u; but it does so for any z, so it decides nothing. What decides is the place X(u', v') and
+ * the view of every other eye, and they are right for THIS z only. Printed, z "is" the z-buffer's value: a
+ * test shows that off by tens of texels. u' is no index into an array (far points leave [0, n]): a panel
+ * keeps q = distance / Z at (u, v) instead, and q is affine in window depth.
  *
  * What these builders leave to the caller: normals of (5), (6). sv_relief_from_heights and
  * sv_relief_from_depth write the flat normal (0, 0, 1) and an open sky; sv_relief_normals (lighting.h) fills

@@ -1,0 +1,6 @@
+# Relief textures as data, what makes them, and the truth that warps are judged by.
+if(TARGET sv_relief_data)
+  sv_test(test_relief LIBS sv_relief_data LABELS relief)
+  sv_test(test_relief_build SOURCES test_build.c LIBS sv_relief_data LABELS relief)
+  sv_test(test_ray_march SOURCES test_ray_march.c ray_march.c named_reliefs.c LIBS sv_relief_data sv_camera LABELS relief)
+endif()
