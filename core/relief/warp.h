@@ -39,6 +39,7 @@ struct sv_warp_source {
 
 enum { SV_WARP_SOURCES_MAX = 32, SV_WARP_TEXEL_BITS = 26 };
 #define SV_WARP_EMPTY UINT32_MAX
+#define SV_WARP_TEXEL_MASK ((UINT32_C(1) << SV_WARP_TEXEL_BITS) - 1)
 /* Bit 31: the pixel was a hole and is filled with this texel; bits 26..30: source; the rest: row * width +
  * column. */
 #define SV_WARP_FILLED UINT32_C(0x80000000)
@@ -47,7 +48,9 @@ struct sv_warp_buffer {
     int width, height;  /* px */
     float *depth;       /* width * height, reversed window depth; 0: nothing */
     uint32_t *texel;    /* width * height; SV_WARP_EMPTY: nothing */
+    uint16_t *place;    /* where in or beside that texel the pixel's centre lies (sv_warp_locate reads it) */
     int x0, y0, x1, y1; /* what was written since the last clear: x0 <= x < x1; empty: x0 >= x1 */
+    struct sv_warp_tears *tears; /* torn edges that the splats met since the last clear */
 };
 
 struct sv_warp_stats {
@@ -76,5 +79,21 @@ bool sv_warp_locate(const struct sv_warp_source *sources, const struct sv_warp_b
  * bilinear in the source (solid texels of the same surface only); other pixels are left alone. */
 void sv_warp_resolve(const struct sv_warp_source *sources, unsigned count,
                      const struct sv_warp_buffer *buffer, uint8_t (*rgba)[4]);
+/* What a pixel shows, as a mean of up to four texels of one source (row * width + column) with weights that
+ * add up to 1; texels of weight 0 may repeat another. False for an empty pixel. */
+struct sv_warp_weights {
+    uint32_t texel[4];
+    float weight[4];
+};
+bool sv_warp_weigh(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int i, int j,
+                   unsigned *source, struct sv_warp_weights *weights);
+/* The same mean of other images of the sources' sizes (normals: a relief's normal[], not normalised again).
+ * images[k] belongs to source k, NULL: its pixels are left alone. out is of the buffer's size. */
+void sv_warp_resolve_int16(const struct sv_warp_source *sources, const int16_t (*const *images)[4],
+                           unsigned count, const struct sv_warp_buffer *buffer, int16_t (*out)[4]);
+/* Depth of the very place that a pixel's centre shows (the buffer's own is linear over a cell); pixels that
+ * are empty are left alone. */
+void sv_warp_resolve_depth(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer,
+                           float *depth);
 
 #endif

@@ -1,0 +1,316 @@
+/* warp_cell.c - cells that are torn, bordered by nothing, large, or far from a parallelogram: drawn exactly.
+ *
+ * A full cell is two triangles. In any other cell each texel that is there covers its own quarter: to the
+ * middle of the edge to each neighbour, at the mean of both where they are one surface, else at its own t
+ * (the surface goes on flat for half a texel), and to the middle of the cell, at the mean of all texels that
+ * hang together there. So pieces of one surface meet exactly, and what is torn is open by a wall between two
+ * known segments: that wall is noted for warp_fill.c. Shared edges are computed from the same numbers on both
+ * sides, and triangles are closed, so that no pixel centre falls between two. */
+#include <math.h>
+
+#include "core/relief/warp_kernel.h"
+
+/* An edge's place where it crosses a row of pixel centres may be off by this (px): middles of edges are
+ * rounded apart from the straight edge of the neighbour. */
+#define RUN_SLACK (1.0 / 128)
+
+struct plane {
+    double value, by_x, by_y;
+};
+
+/* Affine function over the picture with values f at the corners; `first` is where values count from. */
+static struct plane plane_of(const struct sv_warp_corner c[3], double det, double f0, double f1, double f2)
+{
+    struct plane p = {f0, 0, 0};
+    double x1 = c[1].x - c[0].x, y1 = c[1].y - c[0].y, x2 = c[2].x - c[0].x, y2 = c[2].y - c[0].y;
+    if (fabs(det) <= 1e-9 * (x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2))
+        return p; /* a line: what holds at the first corner must do */
+    p.by_x = ((f1 - f0) * y2 - (f2 - f0) * y1) / det;
+    p.by_y = ((f2 - f0) * x1 - (f1 - f0) * x2) / det;
+    return p;
+}
+
+/* Widens [lo, hi] by where the edge a - b meets the line y. The same numbers whichever way it is given. */
+static void edge_meet(const struct sv_warp_corner *a, const struct sv_warp_corner *b, double y, double *lo,
+                      double *hi)
+{
+    if (b->y < a->y || (b->y == a->y && b->x < a->x)) {
+        const struct sv_warp_corner *swap = a;
+        a = b;
+        b = swap;
+    }
+    if (y < a->y || y > b->y)
+        return;
+    double x0 = a->x, x1 = b->x;
+    if (b->y > a->y)
+        x0 = x1 = a->x + (y - a->y) * ((b->x - a->x) / (b->y - a->y));
+    *lo = fmin(*lo, fmin(x0, x1));
+    *hi = fmax(*hi, fmax(x0, x1));
+}
+
+static double min3(double a, double b, double c)
+{
+    return fmin(a, fmin(b, c));
+}
+
+static double max3(double a, double b, double c)
+{
+    return fmax(a, fmax(b, c));
+}
+
+int64_t sv_warp_triangle(const struct sv_warp_buffer *buffer, const struct sv_warp_corner c[3],
+                         sv_warp_run_sink sink, void *context)
+{
+    double y_min = min3(c[0].y, c[1].y, c[2].y), y_max = max3(c[0].y, c[1].y, c[2].y);
+    double x_min = min3(c[0].x, c[1].x, c[2].x), x_max = max3(c[0].x, c[1].x, c[2].x);
+    double j0 = fmax(ceil(y_min - 0.5), 0), j1 = fmin(floor(y_max - 0.5), buffer->height - 1);
+    if (!(j0 <= j1) || !(fmax(x_min, 0) <= fmin(x_max, buffer->width)))
+        return 0;
+    double det = (c[1].x - c[0].x) * (c[2].y - c[0].y) - (c[2].x - c[0].x) * (c[1].y - c[0].y);
+    double w = 1 / c[0].inverse_w, q1 = c[1].inverse_w * w, q2 = c[2].inverse_w * w;
+    struct plane d = plane_of(c, det, c[0].d, c[1].d, c[2].d), q = plane_of(c, det, 1, q1, q2);
+    struct plane s = plane_of(c, det, c[0].s, c[1].s * q1, c[2].s * q2);
+    struct plane r = plane_of(c, det, c[0].r, c[1].r * q1, c[2].r * q2);
+    struct sv_warp_run run = {.d_min = (float)min3(c[0].d, c[1].d, c[2].d),
+                              .d_max = (float)max3(c[0].d, c[1].d, c[2].d)};
+    int64_t tested = 0;
+    for (run.j = (int)j0; run.j <= (int)j1; run.j++) {
+        double y = run.j + 0.5, lo = INFINITY, hi = -INFINITY;
+        for (int k = 0; k < 3; k++)
+            edge_meet(&c[k], &c[k == 2 ? 0 : k + 1], y, &lo, &hi);
+        double i0 = fmax(ceil(lo - 0.5 - RUN_SLACK), 0);
+        double i1 = fmin(floor(hi - 0.5 + RUN_SLACK), buffer->width - 1);
+        tested += 1;
+        if (!(i0 <= i1))
+            continue;
+        double dx = i0 + 0.5 - c[0].x, dy = y - c[0].y;
+        run.i0 = (int)i0;
+        run.i1 = (int)i1;
+        run.d = (float)(d.value + dx * d.by_x + dy * d.by_y);
+        run.q = (float)(q.value + dx * q.by_x + dy * q.by_y);
+        run.sq = (float)(s.value + dx * s.by_x + dy * s.by_y);
+        run.rq = (float)(r.value + dx * r.by_x + dy * r.by_y);
+        run.d_step = (float)d.by_x;
+        run.q_step = (float)q.by_x;
+        run.sq_step = (float)s.by_x;
+        run.rq_step = (float)r.by_x;
+        tested += run.i1 - run.i0;
+        sink(context, &run);
+    }
+    return tested;
+}
+
+/* Where fragments of one texel (or of a full cell, held by its first texel) go. */
+struct piece {
+    struct sv_warp_buffer *buffer;
+    uint32_t texel, full, pixels;
+    float s0, r0; /* place[] counts from here */
+};
+
+static void draw_run(void *context, const struct sv_warp_run *run)
+{
+    struct piece *piece = context;
+    size_t p = (size_t)run->j * (size_t)piece->buffer->width + (size_t)run->i0;
+    for (int k = 0; k <= run->i1 - run->i0; k++, p++) {
+        float s, r, d = run->d + (float)k * run->d_step;
+        d = d > run->d_min ? d : run->d_min;
+        d = d < run->d_max ? d : run->d_max;
+        if (d < piece->buffer->depth[p])
+            continue;
+        sv_warp_run_place(run, k, &s, &r);
+        piece->pixels += sv_warp_put(piece->buffer, p, d, piece->texel,
+                                     sv_warp_place(s - piece->s0, r - piece->r0, piece->full));
+    }
+}
+
+/* The four texels of a cell: 0, 1 above, 2, 3 below; texel k is at s = k & 1, r = k >> 1. */
+struct cell {
+    struct sv_warp_job *job;
+    int column, row;
+    double t[4], x[4], y[4], d[4];
+    bool there[4],
+        joined[4][2];   /* [k][0]: to the neighbour in its row, k ^ 1; [k][1]: in its column, k ^ 2 */
+    double middle_t[4]; /* at the cell's middle, for the surface that texel k belongs to */
+};
+
+static void cell_load(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
+                      int c, struct cell *cell)
+{
+    cell->job = job;
+    cell->column = job->column + c;
+    cell->row = job->row;
+    for (int k = 0; k < 4; k++) {
+        const struct sv_warp_row *row = k < 2 ? up : lo;
+        int e = c + (k & 1);
+        cell->t[k] = row->t[e];
+        cell->x[k] = row->x[e];
+        cell->y[k] = row->y[e];
+        cell->d[k] = row->d[e];
+        cell->there[k] = row->t[e] == row->t[e];
+    }
+    for (int k = 0; k < 4; k++)
+        for (int way = 0; way < 2; way++) {
+            float other = (float)cell->t[k ^ (1 << way)];
+            cell->joined[k][way] = fabsf((float)cell->t[k] - other) <= job->source->cut;
+        }
+}
+
+/* Texels of a cell hang together along joined edges; the middle is at the mean of each such set. */
+static void cell_middles(struct cell *cell)
+{
+    unsigned set[4] = {1, 2, 4, 8};
+    for (int pass = 0; pass < 3; pass++)
+        for (int k = 0; k < 4; k++)
+            for (int way = 0; way < 2; way++)
+                if (cell->joined[k][way])
+                    set[k] |= set[k ^ (1 << way)];
+    for (int k = 0; k < 4; k++) {
+        double sum = 0;
+        int n = 0;
+        for (int i = 0; i < 4; i++)
+            if (set[k] >> i & 1) {
+                sum += cell->t[i];
+                n++;
+            }
+        cell->middle_t[k] = sum / n;
+    }
+}
+
+/* The corner at (s, r) of the cell at t; false when it is not in front of the eye. */
+static bool corner_at(const struct cell *cell, double s, double r, double t, struct sv_warp_corner *corner)
+{
+    double h[4];
+    for (int k = 0; k < 4; k++) {
+        const double *m = cell->job->source->map.m[k];
+        h[k] = m[0] * (cell->column + 0.5 + s) + m[1] * (cell->row + 0.5 + r) + m[2] * t + m[3];
+    }
+    double inverse = 1 / h[3];
+    *corner = (struct sv_warp_corner){
+        h[0] * inverse, h[1] * inverse, fmin(fmax(h[2] * inverse, 0), 1), inverse, s, r};
+    return h[3] > 0 && isfinite(inverse) && fabs(corner->x) <= SV_WARP_FAR_PX &&
+           fabs(corner->y) <= SV_WARP_FAR_PX && isfinite(h[2] * inverse);
+}
+
+/* Texel k's centre: where the row has it, so that fast and exact cells meet. */
+static bool corner_of_texel(const struct cell *cell, int k, struct sv_warp_corner *corner)
+{
+    bool in_front = corner_at(cell, k & 1, k >> 1, cell->t[k], corner);
+    corner->x = cell->x[k];
+    corner->y = cell->y[k];
+    corner->d = cell->d[k];
+    return in_front;
+}
+
+/* Whether the box of four corners holds a pixel centre. */
+static bool box_shows(const struct sv_warp_buffer *buffer, const struct sv_warp_corner c[4], int box[4])
+{
+    double x0 = fmin(min3(c[0].x, c[1].x, c[2].x), c[3].x), x1 = fmax(max3(c[0].x, c[1].x, c[2].x), c[3].x);
+    double y0 = fmin(min3(c[0].y, c[1].y, c[2].y), c[3].y), y1 = fmax(max3(c[0].y, c[1].y, c[2].y), c[3].y);
+    double i0 = fmax(ceil(x0 - 0.5 - RUN_SLACK), 0);
+    double i1 = fmin(floor(x1 - 0.5 + RUN_SLACK), buffer->width - 1);
+    double j0 = fmax(ceil(y0 - 0.5), 0), j1 = fmin(floor(y1 - 0.5), buffer->height - 1);
+    if (!(i0 <= i1 && j0 <= j1))
+        return false;
+    box[0] = (int)i0;
+    box[1] = (int)j0;
+    box[2] = (int)i1 + 1;
+    box[3] = (int)j1 + 1;
+    return true;
+}
+
+/* Draws the patch with corners in order around it. */
+static void patch_draw(struct cell *cell, const struct sv_warp_corner c[4], struct piece *piece)
+{
+    struct sv_warp_job *job = cell->job;
+    struct sv_warp_corner other[3] = {c[0], c[2], c[3]};
+    int box[4];
+    if (job->budget <= 0 || !box_shows(job->buffer, c, box))
+        return;
+    sv_warp_touch(job->buffer, box[0], box[1], box[2], box[3]);
+    job->budget -= sv_warp_triangle(job->buffer, c, draw_run, piece);
+    job->budget -= sv_warp_triangle(job->buffer, other, draw_run, piece);
+    job->pixels += piece->pixels;
+}
+
+static uint32_t texel_of(const struct cell *cell, int k)
+{
+    const struct sv_warp_job *job = cell->job;
+    return job->tag0 + (uint32_t)(cell->column - job->column + (k & 1)) +
+           (uint32_t)(k >> 1) * (uint32_t)job->source->width;
+}
+
+static void draw_full(struct cell *cell)
+{
+    static const int around[4] = {0, 1, 3, 2};
+    struct sv_warp_corner c[4];
+    struct piece piece = {.buffer = cell->job->buffer, .texel = texel_of(cell, 0), .full = 1};
+    for (int k = 0; k < 4; k++)
+        if (!corner_of_texel(cell, around[k], &c[k]))
+            return;
+    patch_draw(cell, c, &piece);
+}
+
+/* Middle of texel k's edge to its neighbour `way`, and of the cell, as texel k's surface has them. */
+static bool corner_of_edge(const struct cell *cell, int k, int way, struct sv_warp_corner *corner)
+{
+    double t = cell->joined[k][way] ? 0.5 * (cell->t[k] + cell->t[k ^ (1 << way)]) : cell->t[k];
+    return way == 0 ? corner_at(cell, 0.5, k >> 1, t, corner) : corner_at(cell, k & 1, 0.5, t, corner);
+}
+
+static bool corner_of_middle(const struct cell *cell, int k, struct sv_warp_corner *corner)
+{
+    return corner_at(cell, 0.5, 0.5, cell->middle_t[k], corner);
+}
+
+static void draw_quarter(struct cell *cell, int k)
+{
+    struct sv_warp_corner c[4];
+    struct piece piece = {.buffer = cell->job->buffer,
+                          .texel = texel_of(cell, k),
+                          .s0 = (float)(k & 1) - 0.5f,
+                          .r0 = (float)(k >> 1) - 0.5f};
+    if (corner_of_texel(cell, k, &c[0]) && corner_of_edge(cell, k, 0, &c[1]) &&
+        corner_of_middle(cell, k, &c[2]) && corner_of_edge(cell, k, 1, &c[3]))
+        patch_draw(cell, c, &piece);
+}
+
+/* Notes the wall that opens between texel k and its neighbour `way` inside of this cell. */
+static void note_tear(struct cell *cell, int k, int way)
+{
+    int other = k ^ (1 << way), far = cell->d[other] < cell->d[k] ? other : k, near = far ^ (1 << way);
+    struct sv_warp_corner c[4];
+    int box[4];
+    if (!corner_of_edge(cell, far, way, &c[0]) || !corner_of_middle(cell, far, &c[1]) ||
+        !corner_of_middle(cell, near, &c[2]) || !corner_of_edge(cell, near, way, &c[3]) ||
+        !box_shows(cell->job->buffer, c, box))
+        return;
+    struct sv_warp_tear tear = {.d = (float)cell->d[far], .texel = texel_of(cell, far)};
+    for (int i = 0; i < 4; i++) {
+        tear.x[i] = (float)c[i].x;
+        tear.y[i] = (float)c[i].y;
+    }
+    for (int i = 0; i < 2; i++) {
+        tear.s[i] = (float)(c[i].s - (far & 1) + 0.5);
+        tear.r[i] = (float)(c[i].r - (far >> 1) + 0.5);
+    }
+    sv_warp_tear_add(cell->job->buffer, &tear);
+}
+
+void sv_warp_cell(struct sv_warp_job *job, const struct sv_warp_row *upper, const struct sv_warp_row *lower,
+                  int c)
+{
+    struct cell cell;
+    cell_load(job, upper, lower, c, &cell);
+    if (cell.joined[0][0] && cell.joined[0][1] && cell.joined[3][0] && cell.joined[3][1]) {
+        draw_full(&cell);
+        return;
+    }
+    cell_middles(&cell);
+    for (int k = 0; k < 4; k++)
+        if (cell.there[k])
+            draw_quarter(&cell, k);
+    for (int k = 0; k < 4; k += 3)
+        for (int way = 0; way < 2; way++)
+            if (cell.there[k] && cell.there[k ^ (1 << way)] && !cell.joined[k][way])
+                note_tear(&cell, k, way);
+}

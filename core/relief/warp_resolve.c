@@ -1,0 +1,174 @@
+/* warp_resolve.c - from texels to colours, normals and depths, once a pixel. */
+#include <math.h>
+
+#include "core/relief/warp_kernel.h"
+
+static bool joined(const struct sv_warp_source *source, size_t a, size_t b)
+{
+    return source->color[b][3] >= 128 && fabsf(source->t[a] - source->t[b]) <= source->cut;
+}
+
+/* Neighbours of texel (c, j) on the sides (cs, js), weighed bilinearly; those that are empty or torn from it
+ * give their share to the others. */
+static void weigh_torn(const struct sv_warp_source *source, int c, int j, float fu, float fv,
+                       struct sv_warp_weights *w)
+{
+    int cs = fu < 0.5f ? -1 : 1, js = fv < 0.5f ? -1 : 1;
+    float du = fabsf(fu - 0.5f), dv = fabsf(fv - 0.5f);
+    size_t width = (size_t)source->width, own = (size_t)j * width + (size_t)c;
+    bool has_c = c + cs >= 0 && c + cs < source->width, has_j = j + js >= 0 && j + js < source->height;
+    size_t h = has_c ? (cs < 0 ? own - 1 : own + 1) : own,
+           v = has_j ? (js < 0 ? own - width : own + width) : own;
+    size_t both = has_c && has_j ? v + h - own : own;
+    bool by_h = has_c && joined(source, own, h), by_v = has_j && joined(source, own, v);
+    bool diagonal = (by_h && has_j && joined(source, h, both)) || (by_v && has_c && joined(source, v, both));
+    w->texel[0] = (uint32_t)own;
+    w->texel[1] = (uint32_t)h;
+    w->texel[2] = (uint32_t)v;
+    w->texel[3] = (uint32_t)both;
+    w->weight[0] = (1 - du) * (1 - dv);
+    w->weight[1] = by_h ? du * (1 - dv) : 0;
+    w->weight[2] = by_v ? (1 - du) * dv : 0;
+    w->weight[3] = diagonal ? du * dv : 0;
+    float sum = w->weight[0] + w->weight[1] + w->weight[2] + w->weight[3];
+    for (int k = 0; k < 4; k++)
+        w->weight[k] /= sum;
+}
+
+bool sv_warp_weigh(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int i, int j,
+                   unsigned *source, struct sv_warp_weights *weights)
+{
+    size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
+    uint32_t texel = buffer->texel[p], place = buffer->place[p];
+    if (texel == SV_WARP_EMPTY)
+        return false;
+    *source = texel >> SV_WARP_TEXEL_BITS & (SV_WARP_SOURCES_MAX - 1);
+    const struct sv_warp_source *from = sources + *source;
+    uint32_t index = texel & SV_WARP_TEXEL_MASK, width = (uint32_t)from->width;
+    float fu = ((float)(place >> 8) + 0.5f) / 256, fv = ((float)(place >> 1 & 127) + 0.5f) / 128;
+    if (!(place & 1)) {
+        weigh_torn(from, (int)(index % width), (int)(index / width), fu, fv, weights);
+        return true;
+    }
+    *weights = (struct sv_warp_weights){
+        {index, index + 1, index + width, index + width + 1},
+        {(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv},
+    };
+    return true;
+}
+
+/* x y / 2^15, rounded: what _mm256_mulhrs_epi16 does. */
+static int32_t mul_round(int32_t x, int32_t y)
+{
+    return (x * y + 0x4000) >> 15;
+}
+
+/* Bilinear in a full cell; 6 bits below the level are kept on the way. */
+static void blend_full(const uint8_t (*color)[4], uint32_t width, uint32_t place, uint8_t out[4])
+{
+    int32_t a = (int32_t)(place >> 8) * 128 + 64, b = (int32_t)(place >> 1 & 127) * 256 + 128;
+    for (int k = 0; k < 4; k++) {
+        int32_t c00 = color[0][k] * 64, c10 = color[1][k] * 64;
+        int32_t c01 = color[width][k] * 64, c11 = color[width + 1][k] * 64;
+        int32_t top = c00 + mul_round(c10 - c00, a), low = c01 + mul_round(c11 - c01, a);
+        out[k] = (uint8_t)((top + mul_round(low - top, b) + 32) >> 6);
+    }
+}
+
+static void blend_torn(const struct sv_warp_source *source, const struct sv_warp_weights *w, uint8_t out[4])
+{
+    for (int k = 0; k < 4; k++) {
+        float sum = 0.5f;
+        for (int i = 0; i < 4; i++)
+            if (w->weight[i] > 0)
+                sum += w->weight[i] * source->color[w->texel[i]][k];
+        out[k] = (uint8_t)(sum < 255 ? sum : 255);
+    }
+}
+
+void sv_warp_resolve_run(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int j,
+                         int i0, int i1, uint8_t (*rgba)[4])
+{
+    size_t p = (size_t)j * (size_t)buffer->width + (size_t)i0;
+    for (int i = i0; i < i1; i++, p++) {
+        uint32_t texel = buffer->texel[p];
+        const struct sv_warp_source *source = sources + (texel >> SV_WARP_TEXEL_BITS & 31);
+        struct sv_warp_weights weights;
+        unsigned k;
+        if (texel == SV_WARP_EMPTY)
+            continue;
+        if (buffer->place[p] & 1)
+            blend_full(source->color + (texel & SV_WARP_TEXEL_MASK), (uint32_t)source->width,
+                       buffer->place[p], rgba[p]);
+        else if (sv_warp_weigh(sources, buffer, i, j, &k, &weights))
+            blend_torn(source, &weights, rgba[p]);
+    }
+}
+
+static void resolve_scalar(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer,
+                           uint8_t (*rgba)[4])
+{
+    for (int j = buffer->y0; j < buffer->y1; j++)
+        sv_warp_resolve_run(sources, buffer, j, buffer->x0, buffer->x1, rgba);
+}
+
+void sv_warp_resolve_at(enum sv_simd level, const struct sv_warp_source *sources, unsigned count,
+                        const struct sv_warp_buffer *buffer, uint8_t (*rgba)[4])
+{
+    (void)count;
+    if (level == SV_SIMD_AVX2)
+        sv_warp_resolve_avx2(sources, buffer, rgba);
+    else
+        resolve_scalar(sources, buffer, rgba);
+}
+
+void sv_warp_resolve(const struct sv_warp_source *sources, unsigned count,
+                     const struct sv_warp_buffer *buffer, uint8_t (*rgba)[4])
+{
+    sv_warp_resolve_at(sv_simd_level(), sources, count, buffer, rgba);
+}
+
+void sv_warp_resolve_int16(const struct sv_warp_source *sources, const int16_t (*const *images)[4],
+                           unsigned count, const struct sv_warp_buffer *buffer, int16_t (*out)[4])
+{
+    for (int j = buffer->y0; j < buffer->y1; j++)
+        for (int i = buffer->x0; i < buffer->x1; i++) {
+            size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
+            struct sv_warp_weights w;
+            unsigned k;
+            if (!sv_warp_weigh(sources, buffer, i, j, &k, &w) || k >= count || !images[k])
+                continue;
+            for (int channel = 0; channel < 4; channel++) {
+                float sum = 0;
+                for (int n = 0; n < 4; n++)
+                    if (w.weight[n] > 0)
+                        sum += w.weight[n] * images[k][w.texel[n]][channel];
+                out[p][channel] = (int16_t)lrintf(sum);
+            }
+        }
+}
+
+void sv_warp_resolve_depth(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer,
+                           float *depth)
+{
+    for (int j = buffer->y0; j < buffer->y1; j++)
+        for (int i = buffer->x0; i < buffer->x1; i++) {
+            size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
+            struct sv_warp_weights w;
+            unsigned k;
+            double u, v, t = 0;
+            if (!sv_warp_weigh(sources, buffer, i, j, &k, &w))
+                continue;
+            depth[p] = buffer->depth[p];
+            if ((buffer->texel[p] & SV_WARP_FILLED) || !(buffer->place[p] & 1) ||
+                !sv_warp_locate(sources, buffer, i, j, &u, &v))
+                continue;
+            for (int n = 0; n < 4; n++)
+                t += (double)w.weight[n] * sources[k].t[w.texel[n]];
+            const double *d = sources[k].map.m[2], *h = sources[k].map.m[3];
+            double refined =
+                (d[0] * u + d[1] * v + d[2] * t + d[3]) / (h[0] * u + h[1] * v + h[2] * t + h[3]);
+            if (refined >= 0 && refined <= 1)
+                depth[p] = (float)refined;
+        }
+}

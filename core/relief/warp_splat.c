@@ -1,0 +1,251 @@
+/* warp_splat.c - the walk over a source, and the kernels in plain loops.
+ *
+ * A strip of cells at a time, so that two projected rows stay in the first-level cache and every strip counts
+ * u and v from its own corner: the large part of the map is summed in double, only what is left is narrowed.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "core/relief/warp_kernel.h"
+
+uint32_t sv_warp_project_scalar(const struct sv_warp_line *line, const float *t, const uint8_t (*color)[4],
+                                int n, int at, struct sv_warp_row *row)
+{
+    uint32_t solid = 0;
+    for (int i = 0; i < n; i++) {
+        float e = (float)(at + i), h = t[i];
+        float xw = (line->base[0] + e * line->du[0]) + h * line->dt[0];
+        float yw = (line->base[1] + e * line->du[1]) + h * line->dt[1];
+        float dw = (line->base[2] + e * line->du[2]) + h * line->dt[2];
+        float w = (line->base[3] + e * line->du[3]) + h * line->dt[3];
+        float inverse = 1.0f / w, x = xw * inverse, y = yw * inverse, d = dw * inverse;
+        bool is_solid = color[i][3] >= 128 && fabsf(h) <= SV_WARP_T_MAX;
+        bool drawn =
+            is_solid && w > 0 && d >= 0 && d <= 1 && fabsf(x) <= SV_WARP_FAR_PX && fabsf(y) <= SV_WARP_FAR_PX;
+        solid += is_solid;
+        row->t[at + i] = drawn ? h : NAN;
+        row->x[at + i] = drawn ? x : 0;
+        row->y[at + i] = drawn ? y : 0;
+        row->d[at + i] = drawn ? d : 0;
+        if (!drawn)
+            continue;
+        row->min_x = x < row->min_x ? x : row->min_x;
+        row->max_x = x > row->max_x ? x : row->max_x;
+        row->min_y = y < row->min_y ? y : row->min_y;
+        row->max_y = y > row->max_y ? y : row->max_y;
+    }
+    return solid;
+}
+
+/* A full cell, ready to be asked for pixels: place (s, r) = (dx gsx + dy gsy, dx grx + dy gry). */
+struct quad {
+    float x0, y0, gsx, gsy, grx, gry, s_max, r_max, d0, ds, dr;
+    int i0, j0, nx, ny;
+};
+
+static float min2(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+static float max2(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+static float min4(float a, float b, float c, float d)
+{
+    return min2(min2(a, b), min2(c, d));
+}
+
+static float max4(float a, float b, float c, float d)
+{
+    return max2(max2(a, b), max2(c, d));
+}
+
+/* Pixels whose centres lie in [lo, hi]: first and number, at least 0, within 0 .. size - 1. */
+static int pixel_range(float lo, float hi, int size, int *first)
+{
+    float a = ceilf(max2(lo - 0.5f, 0)), b = floorf(min2(hi - 0.5f, (float)(size - 1)));
+    float count = b - a + 1;
+    *first = count > 0 ? (int)a : 0;
+    return count > 0 ? (int)count : 0;
+}
+
+/* Sets up cell c; false when it must be drawn exactly. */
+static bool quad_set(const struct sv_warp_row *up, const struct sv_warp_row *lo, int c, struct quad *q)
+{
+    float x0 = up->x[c], y0 = up->y[c], e1x = up->x[c + 1] - x0, e1y = up->y[c + 1] - y0;
+    float e2x = lo->x[c] - x0, e2y = lo->y[c] - y0, e3x = lo->x[c + 1] - x0, e3y = lo->y[c + 1] - y0;
+    float det = e1x * e2y - e1y * e2x;
+    float size = (e1x * e1x + e1y * e1y) + (e2x * e2x + e2y * e2y), inverse = 1.0f / det;
+    q->gsx = e2y * inverse;
+    q->gsy = -(e2x * inverse);
+    q->grx = -(e1y * inverse);
+    q->gry = e1x * inverse;
+    float s3 = e3x * q->gsx + e3y * q->gsy, r3 = e3x * q->grx + e3y * q->gry;
+    q->x0 = x0;
+    q->y0 = y0;
+    q->s_max = max2(s3, 1) + SV_WARP_EDGE;
+    q->r_max = max2(r3, 1) + SV_WARP_EDGE;
+    q->d0 = up->d[c];
+    q->ds = up->d[c + 1] - q->d0;
+    q->dr = lo->d[c] - q->d0;
+    return q->nx <= SV_WARP_SMALL && q->ny <= SV_WARP_SMALL && fabsf(det) >= size * SV_WARP_SLIVER &&
+           fabsf(s3 - 1) <= SV_WARP_TWIST && fabsf(r3 - 1) <= SV_WARP_TWIST;
+}
+
+static uint32_t quad_draw(const struct quad *q, uint32_t tag, struct sv_warp_buffer *buffer)
+{
+    uint32_t pixels = 0;
+    for (int ky = 0; ky < q->ny; ky++) {
+        float dy = (float)(q->j0 + ky) + 0.5f - q->y0;
+        size_t p = (size_t)(q->j0 + ky) * (size_t)buffer->width + (size_t)q->i0;
+        for (int kx = 0; kx < q->nx; kx++) {
+            float dx = (float)(q->i0 + kx) + 0.5f - q->x0;
+            float s = dx * q->gsx + dy * q->gsy, r = dx * q->grx + dy * q->gry;
+            if (!(s >= -SV_WARP_EDGE && s <= q->s_max && r >= -SV_WARP_EDGE && r <= q->r_max))
+                continue;
+            float d = (q->d0 + s * q->ds) + r * q->dr;
+            d = min2(max2(d, 0), 1);
+            pixels += sv_warp_put(buffer, p + (size_t)kx, d, tag, sv_warp_place(s, r, 1));
+        }
+    }
+    return pixels;
+}
+
+int sv_warp_cells_scalar(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
+                         int from, int n, uint16_t *slow)
+{
+    float cut = job->source->cut;
+    int listed = 0;
+    struct quad q;
+    for (int c = from; c < n; c++) {
+        bool full = fabsf(up->t[c] - up->t[c + 1]) <= cut && fabsf(lo->t[c] - lo->t[c + 1]) <= cut &&
+                    fabsf(up->t[c] - lo->t[c]) <= cut && fabsf(up->t[c + 1] - lo->t[c + 1]) <= cut;
+        if (!full) {
+            bool any = up->t[c] == up->t[c] || up->t[c + 1] == up->t[c + 1] || lo->t[c] == lo->t[c] ||
+                       lo->t[c + 1] == lo->t[c + 1];
+            slow[listed] = (uint16_t)c;
+            listed += any;
+            continue;
+        }
+        q.nx = pixel_range(min4(up->x[c], up->x[c + 1], lo->x[c], lo->x[c + 1]),
+                           max4(up->x[c], up->x[c + 1], lo->x[c], lo->x[c + 1]), job->buffer->width, &q.i0);
+        q.ny = pixel_range(min4(up->y[c], up->y[c + 1], lo->y[c], lo->y[c + 1]),
+                           max4(up->y[c], up->y[c + 1], lo->y[c], lo->y[c + 1]), job->buffer->height, &q.j0);
+        if (q.nx == 0 || q.ny == 0)
+            continue;
+        if (quad_set(up, lo, c, &q))
+            job->pixels += quad_draw(&q, job->tag0 + (uint32_t)c, job->buffer);
+        else
+            slow[listed++] = (uint16_t)c;
+    }
+    return listed;
+}
+
+static int cells(struct sv_warp_job *job, const struct sv_warp_row *upper, const struct sv_warp_row *lower,
+                 int n, uint16_t *slow)
+{
+    return sv_warp_cells_scalar(job, upper, lower, 0, n, slow);
+}
+
+const struct sv_warp_kernel sv_warp_scalar = {.project = sv_warp_project_scalar, .cells = cells};
+
+static void set_nothing(struct sv_warp_row *row, int from, int to)
+{
+    for (int e = from; e < to; e++) {
+        row->t[e] = NAN;
+        row->x[e] = row->y[e] = row->d[e] = 0;
+    }
+}
+
+/* Row j of texels first .. first + n - 1 (any of them may lie outside of the source). Returns the solid ones
+ * but for the first, which the strip before has counted. */
+static uint32_t load_row(const struct sv_warp_kernel *kernel, const struct sv_warp_source *source, int first,
+                         int n, int j, struct sv_warp_row *row)
+{
+    struct sv_warp_line line;
+    int from = first < 0 ? 1 : 0, to = first + n > source->width ? source->width - first : n;
+    row->min_x = row->min_y = INFINITY;
+    row->max_x = row->max_y = -INFINITY;
+    if (j < 0 || j >= source->height) {
+        set_nothing(row, 0, n + 8);
+        return 0;
+    }
+    set_nothing(row, 0, from);
+    set_nothing(row, to, n + 8);
+    for (int k = 0; k < 4; k++) {
+        const double *m = source->map.m[k];
+        line.base[k] = (float)(m[0] * (first + 0.5) + m[1] * (j + 0.5) + m[3]);
+        line.du[k] = (float)m[0];
+        line.dt[k] = (float)m[2];
+    }
+    size_t texel = (size_t)j * (size_t)source->width + (size_t)(first + from);
+    const float *t = source->t + texel;
+    const uint8_t(*color)[4] = source->color + texel;
+    uint32_t solid = kernel->project(&line, t, color, to - from, from, row);
+    return solid - (first >= 0 && color[0][3] >= 128 && fabsf(t[0]) <= SV_WARP_T_MAX);
+}
+
+/* Draws the cells between two rows, if they can touch the picture: what a row covers reaches half a texel
+ * beyond its centres, so a row is left out only when both rows are out on the same side by more than their
+ * own spread (cells of lone texels are small), judged by the drawn texels. */
+static void draw_cells(const struct sv_warp_kernel *kernel, struct sv_warp_job *job,
+                       const struct sv_warp_row *up, const struct sv_warp_row *lo, int n)
+{
+    uint16_t slow[SV_WARP_STRIP];
+    struct sv_warp_buffer *buffer = job->buffer;
+    float x0 = min2(up->min_x, lo->min_x), x1 = max2(up->max_x, lo->max_x);
+    float y0 = min2(up->min_y, lo->min_y), y1 = max2(up->max_y, lo->max_y);
+    if (!(x0 <= x1))
+        return;
+    int i0, j0, nx = pixel_range(x0, x1, buffer->width, &i0), ny = pixel_range(y0, y1, buffer->height, &j0);
+    if (nx > 0 && ny > 0)
+        sv_warp_touch(buffer, i0, j0, i0 + nx, j0 + ny);
+    int listed = kernel->cells(job, up, lo, n, slow);
+    for (int k = 0; k < listed; k++)
+        sv_warp_cell(job, up, lo, slow[k]);
+}
+
+static const struct sv_warp_kernel *kernel_of(enum sv_simd level)
+{
+    switch (level) {
+    case SV_SIMD_SCALAR:
+        return &sv_warp_scalar;
+    case SV_SIMD_SSE2:
+        return &sv_warp_sse2;
+    case SV_SIMD_AVX2:
+        return &sv_warp_avx2;
+    }
+    return &sv_warp_scalar;
+}
+
+void sv_warp_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
+                      struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
+{
+    const struct sv_warp_kernel *kernel = kernel_of(level);
+    struct sv_warp_row rows[2];
+    int64_t budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height;
+    struct sv_warp_job job = {.source = source, .buffer = buffer, .budget = budget};
+    for (int column = -1; column < source->width; column += SV_WARP_STRIP) {
+        int left = source->width - column, n = left < SV_WARP_STRIP ? left : SV_WARP_STRIP;
+        job.column = column;
+        load_row(kernel, source, column, n + 1, -1, &rows[0]);
+        for (int j = 0; j <= source->height; j++) {
+            struct sv_warp_row *up = &rows[j & 1], *lo = &rows[~j & 1];
+            stats->texels += load_row(kernel, source, column, n + 1, j, lo);
+            job.row = j - 1;
+            job.tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS;
+            job.tag0 += (uint32_t)((j - 1) * source->width + column);
+            draw_cells(kernel, &job, up, lo, n);
+        }
+    }
+    stats->pixels += job.pixels;
+}
+
+void sv_warp_splat(const struct sv_warp_source *source, unsigned k, struct sv_warp_buffer *buffer,
+                   struct sv_warp_stats *stats)
+{
+    sv_warp_splat_at(sv_simd_level(), source, k, buffer, stats);
+}
