@@ -16,7 +16,8 @@
 
 #include "core/base/error.h"
 #include "core/relief/silhouette.h"
-#include "core/terrain/heightfield.h"
+#include "core/terrain/shadow_height.h"
+#include "core/view/camera.h"
 
 /* SIDE texels a side; BLOCK texels a side of the squares whose lowest and highest ground is known. */
 enum { SV_SHADOW_WINDOW_SIDE = 1024, SV_SHADOW_WINDOW_BLOCK = 32, SV_SHADOW_WINDOW_BLOCKS = 32 };
@@ -31,6 +32,44 @@ struct sv_shadow_window {
     float (
         *blocks)[2]; /* BLOCKS * BLOCKS: lowest and highest ground of each square; NULL: not known (slower) */
 };
+
+/* Takes the three arrays from the heap. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_shadow_window_alloc(struct sv_shadow_window *window, struct sv_error *error);
+void sv_shadow_window_finish(struct sv_shadow_window *window); /* legal on a zeroed one */
+
+/* Where a window lies: south-west corner of its texel (0, 0), and texel. */
+struct sv_shadow_place {
+    double x0, y0, texel_m;
+};
+
+/* Moves the window there: z0, ground and blocks of the field, light of the terrain's own shadow. Ground is
+ * the surface of heightfield.h (its triangles: bodies stand on them, and a bilinear surface would part them
+ * from their shadows by a quarter of a cell's twist); beyond the field, the height of its border. terrain: of
+ * the same field, or NULL: all light. About 2 ns a texel. */
+void sv_shadow_window_fill(struct sv_shadow_window *window, const struct sv_heightfield *field,
+                           const struct sv_shadow_height *terrain, struct sv_shadow_place place);
+
+/* Fades the outer tenth of a window into the coarser one that lies around it (its SIDE * SIDE light), so that
+ * at the border both are the same and nobody has to look at two. */
+void sv_shadow_window_blend(struct sv_shadow_window *window, const uint8_t *coarser,
+                            struct sv_shadow_place coarser_place);
+
+enum { SV_SHADOW_LEVELS_MAX = 10 };
+
+/* A choice of windows for a view, the finest first; count 0: the view does not see the field. */
+struct sv_shadow_layout {
+    int count;
+    struct sv_shadow_place place[SV_SHADOW_LEVELS_MAX];
+};
+
+/* Perspective: texels of 0.125 m, 0.5 m, 2 m, ... as far as the field is not covered, then one over all of
+ * it. A window of side W stands W / 4 ahead of the eye, snapped to W / 8, so that it stays while the eye
+ * moves a little; windows that the view does not see, or whose texels are far below its pixels, are left out.
+ * finest_m: no smaller texel is of use (> 0). Orthographic: the one window of the smallest power of two that
+ * covers what the picture sees. The same camera always gets the same windows, and a window's place and
+ * content depend on the ladder alone, not on where the eye was before. */
+void sv_shadow_layout_choose(const struct sv_heightfield *field, const struct sv_camera *camera,
+                             double finest_m, struct sv_shadow_layout *layout);
 
 /* Multiplies light by (1 - coverage) where the silhouette of a body at `place` (world) falls on the window's
  * ground; bilinear in the silhouette, box-filtered when its texels are finer than the window's (up to 4 x 4
