@@ -96,14 +96,18 @@ enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl
         return sv_fail(error, SV_EINVAL, "polygon_px", "%g is not a size in px of at least 0",
                        options->polygon_px);
     struct sv_cull_list *list = &draw->list;
+    struct sv_tree_lights lights = {NULL, NULL};
+    if (options->shade)
+        lights = sv_tree_shade_lights(options->shade);
     const struct sv_tree *trees = draw->forest->trees;
     enum sv_status status =
         sv_cull_forest(draw->forest, draw->species, &frame->camera, frame->planes, options, list, error);
     if (!status)
-        status = sv_mesh_draw_trees(draw->meshes, frame, trees, list->entries, list->polygon_count, error);
+        status =
+            sv_mesh_draw_trees(draw->meshes, frame, trees, list->entries, list->polygon_count, lights, error);
     if (!status)
         status = sv_quad_draw_trees(draw->quads, frame, trees, list->entries + list->polygon_count,
-                                    list->impostor_count, options->color_only, error);
+                                    list->impostor_count, options->color_only, lights, error);
     if (!status && stats)
         *stats = (struct sv_tree_draw_stats){list->polygon_count, list->impostor_count, list->culled,
                                              list->triangles + 2 * (uint64_t)list->impostor_count};

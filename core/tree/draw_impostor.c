@@ -23,14 +23,16 @@ enum {
     AT_PLACE,
     AT_CELL,
     AT_FRAME,
-    AT_LIGHT,
+    AT_LIGHT_OF,
     AT_UP,
     AT_LEAF,
     AT_RIGHT,
     AT_TOP,
     AT_SUN,
-    AT_ID
-}; /* locations in tree_quad.vert */
+    AT_ID,
+    AT_LIGHT_PLACE,
+    AT_LIGHT, /* and the next: a column of the light's grid each */
+};            /* locations in tree_quad.vert */
 enum { UNIT_ALBEDO = 0, UNIT_NORMAL = 1, UNIT_OPEN = 2 };
 enum { LAST_LEVEL = SV_IMPOSTOR_LEVELS - 1 };
 
@@ -50,6 +52,12 @@ struct quad_vertex {
     uint32_t id;
 };
 
+/* What there is besides where light is given. */
+struct quad_light {
+    float at[2]; /* column and row coordinate (struct sv_tree_light_axes) */
+    struct sv_tree_light light;
+};
+
 struct species_quads {
     struct sv_impostor_frame *frames;        /* heap, owner's; NULL: not built */
     uint8_t *coverage;                       /* heap, owner's, SIDE x SIDE: what shade.h is made from */
@@ -62,9 +70,10 @@ struct species_quads {
 struct sv_quad_draw {
     int species_count, layers, first_level;
     struct species_quads *species;
-    GLuint soft, hard; /* programs */
+    GLuint soft, soft_shade, hard; /* programs; soft_shade: made when first needed, as are lit and lights */
     GLuint albedo, normal, open, array, vertices, indices;
-    uint32_t room; /* quads that the buffers hold */
+    GLuint lit, lights; /* array of quads with light, and what it reads besides */
+    uint32_t room;      /* quads that the buffers hold */
 };
 
 /* ---- building ---- */
@@ -185,7 +194,7 @@ static void plan_layers(struct sv_quad_draw *draw, const struct sv_tree_draw_spe
         draw->first_level++;
 }
 
-static void make_vertex_array(struct sv_quad_draw *draw)
+static void set_vertex_attributes(const struct sv_quad_draw *draw)
 {
     static const struct {
         GLint size;
@@ -196,17 +205,13 @@ static void make_vertex_array(struct sv_quad_draw *draw)
         [AT_PLACE] = {3, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, place)},
         [AT_CELL] = {2, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, cell)},
         [AT_FRAME] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, frame)},
-        [AT_LIGHT] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, light)},
+        [AT_LIGHT_OF] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, light)},
         [AT_UP] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, up)},
         [AT_LEAF] = {4, GL_FLOAT, GL_FALSE, offsetof(struct quad_vertex, leaf)},
         [AT_RIGHT] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, right)},
         [AT_TOP] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, top)},
         [AT_SUN] = {3, GL_SHORT, GL_TRUE, offsetof(struct quad_vertex, sun)},
     };
-    gl.GenVertexArrays(1, &draw->array);
-    gl.GenBuffers(1, &draw->vertices);
-    gl.GenBuffers(1, &draw->indices);
-    gl.BindVertexArray(draw->array);
     gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, draw->indices);
     gl.BindBuffer(GL_ARRAY_BUFFER, draw->vertices);
     for (GLuint k = 0; k < sizeof rows / sizeof rows[0]; k++) {
@@ -217,7 +222,43 @@ static void make_vertex_array(struct sv_quad_draw *draw)
     gl.EnableVertexAttribArray(AT_ID);
     gl.VertexAttribIPointer(AT_ID, 1, GL_UNSIGNED_INT, sizeof(struct quad_vertex),
                             (const void *)offsetof(struct quad_vertex, id));
+}
+
+static void make_vertex_array(struct sv_quad_draw *draw)
+{
+    gl.GenVertexArrays(1, &draw->array);
+    gl.GenBuffers(1, &draw->vertices);
+    gl.GenBuffers(1, &draw->indices);
+    gl.BindVertexArray(draw->array);
+    set_vertex_attributes(draw);
     gl.BindVertexArray(0);
+}
+
+/* What drawing with light needs besides; made once. */
+static enum sv_status make_lit(struct sv_quad_draw *draw, struct sv_error *error)
+{
+    if (draw->lit)
+        return SV_OK;
+    enum sv_status status = sv_gl_program_create("tree_quad.vert", "tree_quad.frag", "#define SHADE 1\n",
+                                                 &draw->soft_shade, error);
+    if (status)
+        return status;
+    gl.GenVertexArrays(1, &draw->lit);
+    gl.GenBuffers(1, &draw->lights);
+    gl.BindVertexArray(draw->lit);
+    set_vertex_attributes(draw);
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->lights);
+    gl.EnableVertexAttribArray(AT_LIGHT_PLACE);
+    gl.VertexAttribPointer(AT_LIGHT_PLACE, 2, GL_FLOAT, GL_FALSE, sizeof(struct quad_light),
+                           (const void *)offsetof(struct quad_light, at));
+    for (GLuint c = 0; c < SV_SHADE_COLUMNS; c++) {
+        gl.EnableVertexAttribArray(AT_LIGHT + c);
+        gl.VertexAttribPointer(AT_LIGHT + c, SV_SHADE_ROWS, GL_UNSIGNED_BYTE, GL_TRUE,
+                               sizeof(struct quad_light),
+                               (const void *)(offsetof(struct quad_light, light) + c * SV_SHADE_ROWS));
+    }
+    gl.BindVertexArray(0);
+    return sv_gl_check("making lit tree impostors", error);
 }
 
 enum sv_status sv_quad_draw_create(const struct sv_tree_draw_species *species, int species_count,
@@ -272,9 +313,12 @@ void sv_quad_draw_destroy(struct sv_quad_draw *draw)
     gl.DeleteTextures(1, &draw->normal);
     gl.DeleteTextures(1, &draw->open);
     gl.DeleteVertexArrays(1, &draw->array);
+    gl.DeleteVertexArrays(1, &draw->lit);
+    gl.DeleteBuffers(1, &draw->lights);
     gl.DeleteBuffers(1, &draw->vertices);
     gl.DeleteBuffers(1, &draw->indices);
     gl.DeleteProgram(draw->soft);
+    gl.DeleteProgram(draw->soft_shade);
     gl.DeleteProgram(draw->hard);
     free(draw->species);
     free(draw);
@@ -476,41 +520,86 @@ static enum sv_status make_room(struct sv_quad_draw *draw, uint32_t count, struc
     return sv_gl_check("making room for tree impostors", error);
 }
 
-static enum sv_status fill_quads(struct sv_quad_draw *draw, const struct sv_gl_frame *frame,
-                                 const struct sv_tree *trees, const struct sv_cull_entry *entries,
-                                 uint32_t count, uint32_t *quads, struct sv_error *error)
+/* Where the quad's corners lie on the tree's grid of light. */
+static void put_light(const struct quad_vertex *q, const struct sv_tree *tree, struct sv_vec3 eye,
+                      const struct sv_tree_light *light, const struct sv_tree_light_axes *axes,
+                      struct quad_light *out)
+{
+    float foot[3] = {(float)(tree->x - eye.x), (float)(tree->y - eye.y), (float)(tree->z - eye.z)};
+    for (int k = 0; k < 4; k++) {
+        float p[3];
+        for (int a = 0; a < 3; a++)
+            p[a] = (q[k].place[a] - foot[a]) / tree->height_m;
+        out[k].at[0] = dot3(axes->across, p) + axes->across[3];
+        out[k].at[1] = dot3(axes->along, p) + axes->along[3];
+        out[k].light = *light;
+    }
+}
+
+static void *map_array(GLuint buffer, size_t bytes)
+{
+    gl.BindBuffer(GL_ARRAY_BUFFER, buffer);
+    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)bytes, NULL, GL_STREAM_DRAW);
+    return gl.MapBufferRange(GL_ARRAY_BUFFER, 0, (GLsizeiptr)bytes,
+                             GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
+}
+
+static void unmap_array(GLuint buffer)
+{
+    gl.BindBuffer(GL_ARRAY_BUFFER, buffer);
+    gl.UnmapBuffer(GL_ARRAY_BUFFER);
+}
+
+static struct view view_of(const struct sv_gl_frame *frame, int first_level)
 {
     const struct sv_camera *camera = &frame->camera;
-    struct view view = {
+    const struct sv_vec3 sun = frame->light.to_sun;
+    return (struct view){
         .eye = camera->eye,
         .forward = {(float)camera->forward.x, (float)camera->forward.y, (float)camera->forward.z},
-        .to_sun = {(float)frame->light.to_sun.x, (float)frame->light.to_sun.y, (float)frame->light.to_sun.z},
+        .to_sun = {(float)sun.x, (float)sun.y, (float)sun.z},
         .focal_px = (float)sv_camera_focal_px(camera),
         .near_m = (float)camera->near_m,
         .orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC,
-        .first_level = draw->first_level};
-    GLsizeiptr bytes = (GLsizeiptr)(count * 4 * sizeof(struct quad_vertex));
-    gl.BindBuffer(GL_ARRAY_BUFFER, draw->vertices);
-    gl.BufferData(GL_ARRAY_BUFFER, bytes, NULL, GL_STREAM_DRAW);
-    struct quad_vertex *q =
-        gl.MapBufferRange(GL_ARRAY_BUFFER, 0, bytes, GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
-    if (!q)
-        return sv_fail(error, SV_ENOMEM, "trees", "no memory to draw %u trees", count);
+        .first_level = first_level};
+}
+
+static enum sv_status fill_quads(struct sv_quad_draw *draw, const struct sv_gl_frame *frame,
+                                 const struct sv_tree *trees, const struct sv_cull_entry *entries,
+                                 uint32_t count, struct sv_tree_lights lights, uint32_t *quads,
+                                 struct sv_error *error)
+{
+    struct view view = view_of(frame, draw->first_level);
+    bool light = lights.of_tree != NULL;
+    struct quad_vertex *q = map_array(draw->vertices, 4 * (size_t)count * sizeof *q);
+    struct quad_light *l = light ? map_array(draw->lights, 4 * (size_t)count * sizeof *l) : NULL;
     uint32_t made = 0;
-    for (uint32_t k = 0; k < count; k++) {
-        const struct sv_tree *tree = &trees[entries[k].tree];
+    for (uint32_t k = 0; q && (l || !light) && k < count; k++) {
+        uint32_t index = entries[k].tree;
+        const struct sv_tree *tree = &trees[index];
         const struct species_quads *s = &draw->species[tree->species];
-        made += s->mesh && put_quad(&view, s, &draw->species[s->owner], tree, q + 4 * (size_t)made);
+        size_t at = 4 * (size_t)made;
+        if (!s->mesh || !put_quad(&view, s, &draw->species[s->owner], tree, q + at))
+            continue;
+        if (light)
+            put_light(q + at, tree, view.eye, &lights.of_tree[index], &lights.of_species[tree->species],
+                      l + at);
+        made++;
     }
-    gl.UnmapBuffer(GL_ARRAY_BUFFER);
+    if (q)
+        unmap_array(draw->vertices);
+    if (l)
+        unmap_array(draw->lights);
+    if (!q || (light && !l))
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory to draw %u trees", count);
     *quads = made;
     return SV_OK;
 }
 
 /* Colour, farthest first, tested against depth but leaving it. */
-static void draw_soft(const struct sv_quad_draw *draw, uint32_t quads)
+static void draw_soft(GLuint program, uint32_t quads)
 {
-    gl.UseProgram(draw->soft);
+    gl.UseProgram(program);
     gl.Enablei(GL_BLEND, 0);
     gl.BlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
     gl.ColorMaski(1, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
@@ -535,20 +624,26 @@ static void draw_hard(const struct sv_quad_draw *draw, uint32_t quads)
 
 enum sv_status sv_quad_draw_trees(struct sv_quad_draw *draw, const struct sv_gl_frame *frame,
                                   const struct sv_tree *trees, const struct sv_cull_entry *entries,
-                                  uint32_t count, bool soft_only, struct sv_error *error)
+                                  uint32_t count, bool soft_only, struct sv_tree_lights lights,
+                                  struct sv_error *error)
 {
     if (count == 0)
         return SV_OK;
     uint32_t quads = 0;
-    enum sv_status status = make_room(draw, count, error);
+    bool light = lights.of_tree && lights.of_species;
+    if (!light)
+        lights = (struct sv_tree_lights){NULL, NULL};
+    enum sv_status status = light ? make_lit(draw, error) : SV_OK;
     if (!status)
-        status = fill_quads(draw, frame, trees, entries, count, &quads, error);
+        status = make_room(draw, count, error);
+    if (!status)
+        status = fill_quads(draw, frame, trees, entries, count, lights, &quads, error);
     if (status || quads == 0)
         return status;
     GLint color = GL_NONE;
     gl.GetIntegerv(GL_DRAW_BUFFER0, &color);
     gl.Disable(GL_CULL_FACE);
-    gl.BindVertexArray(draw->array);
+    gl.BindVertexArray(light ? draw->lit : draw->array);
     gl.ActiveTexture(GL_TEXTURE0 + UNIT_OPEN);
     gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->open);
     gl.ActiveTexture(GL_TEXTURE0 + UNIT_NORMAL);
@@ -556,7 +651,7 @@ enum sv_status sv_quad_draw_trees(struct sv_quad_draw *draw, const struct sv_gl_
     gl.ActiveTexture(GL_TEXTURE0 + UNIT_ALBEDO);
     gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->albedo);
     if (color != GL_NONE)
-        draw_soft(draw, quads);
+        draw_soft(light ? draw->soft_shade : draw->soft, quads);
     if (!soft_only)
         draw_hard(draw, quads);
     gl.BindVertexArray(0);

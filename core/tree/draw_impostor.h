@@ -19,11 +19,14 @@ SV_MUST_CHECK enum sv_status sv_quad_draw_create(const struct sv_tree_draw_speci
                                                  int species_count, struct sv_store *store,
                                                  struct sv_quad_draw **draw, struct sv_error *error);
 void sv_quad_draw_destroy(struct sv_quad_draw *draw); /* NULL is legal */
-/* Draws entries[0 .. count) of trees, farthest first. soft_only: colour alone, no depth, id or normal. */
+/* Draws entries[0 .. count) of trees, farthest first. soft_only: colour alone, no depth, id or normal.
+ * lights: what sunlight arrives at each (shade.h); {NULL, NULL}: all of it, by a program that knows nothing
+ * of it. */
 SV_MUST_CHECK enum sv_status sv_quad_draw_trees(struct sv_quad_draw *draw, const struct sv_gl_frame *frame,
                                                 const struct sv_tree *trees,
                                                 const struct sv_cull_entry *entries, uint32_t count,
-                                                bool soft_only, struct sv_error *error);
+                                                bool soft_only, struct sv_tree_lights lights,
+                                                struct sv_error *error);
 /* What shade.h needs of a species (frames NULL: not built); valid as long as draw. */
 struct sv_shade_species sv_quad_draw_shade_species(const struct sv_quad_draw *draw, int species);
 size_t sv_quad_draw_bytes(const struct sv_quad_draw *draw, int species);

@@ -16,11 +16,12 @@ SV_MUST_CHECK enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_speci
                                                  int species_count, uint32_t id_first,
                                                  struct sv_mesh_draw **draw, struct sv_error *error);
 void sv_mesh_draw_destroy(struct sv_mesh_draw *draw); /* NULL is legal */
-/* Draws entries[0 .. count) of trees. */
+/* Draws entries[0 .. count) of trees. lights: what sunlight arrives at each (shade.h); {NULL, NULL}: all of
+ * it, by programs that know nothing of it. */
 SV_MUST_CHECK enum sv_status sv_mesh_draw_trees(struct sv_mesh_draw *draw, const struct sv_gl_frame *frame,
                                                 const struct sv_tree *trees,
                                                 const struct sv_cull_entry *entries, uint32_t count,
-                                                struct sv_error *error);
+                                                struct sv_tree_lights lights, struct sv_error *error);
 /* GL bytes of a species: vertices, indices, textures. */
 size_t sv_mesh_draw_bytes(const struct sv_mesh_draw *draw, int species);
 

@@ -1,6 +1,9 @@
 // tree_quad.frag - the soft colour of a far tree: premultiplied, lit from the mean of normals that a texel holds.
 #include "light.glsl"
 #include "tree_quad.glsl"
+#ifdef SHADE
+#include "tree_light.glsl"
+#endif
 
 layout(binding = 0) uniform sampler2DArray albedo;
 layout(binding = 1) uniform sampler2DArray normals;
@@ -13,6 +16,11 @@ flat in vec4 sun_at;
 flat in vec4 up_at;
 flat in vec4 leaf_at;
 flat in vec3 model_sun;
+#ifdef SHADE
+in vec2 light_at;
+flat in vec4 first_light;
+flat in vec4 second_light;
+#endif
 
 layout(location = 0) out vec4 out_color;
 
@@ -40,6 +48,9 @@ void main()
     float t = clamp(dot(albedo_rgb, leaf_at.xyz) + leaf_at.w, -0.3, 1.0);
     vec4 o = textureLod(open, at, frame_at.w);
     float visible = clamp(dot(o.xyz * 2.0 - 1.0, model_sun) + o.a, 0.0, 1.0);
+#ifdef SHADE
+    visible *= tree_light(light_at, first_light, second_light);
+#endif
     float n_z = dot(m.yz, up_at.xy);
     vec3 lit = light_shade(n_z, leaf_sun(m, sun_at.xyz, t, up_at.w) * visible, albedo_rgb, g.a) * rgba.a;
     if (air_rgb.w > 0.0)

@@ -11,6 +11,11 @@ layout(location = 6) in vec3 right_of;
 layout(location = 7) in vec3 top_of;
 layout(location = 8) in vec3 sun_of; // to the sun in the model's axes
 layout(location = 9) in uint id_of;
+#ifdef SHADE
+layout(location = 10) in vec2 light_place; // column and row coordinate (tree_light.glsl)
+layout(location = 11) in vec4 first_of;    // what arrives at the tree
+layout(location = 12) in vec4 second_of;
+#endif
 
 out vec2 st;
 flat out vec4 frame_at;
@@ -26,6 +31,11 @@ flat out vec4 sun_at;
 flat out vec4 up_at;
 flat out vec4 leaf_at;
 flat out vec3 model_sun;
+#endif
+#ifdef SHADE
+out vec2 light_at;
+flat out vec4 first_light;
+flat out vec4 second_light;
 #endif
 
 void main()
@@ -44,6 +54,11 @@ void main()
     up_at = up_of;
     leaf_at = leaf_of;
     model_sun = sun_of;
+#endif
+#ifdef SHADE
+    light_at = light_place;
+    first_light = first_of;
+    second_light = second_of;
 #endif
     gl_Position = clip_from_local * vec4(place, 1.0);
 }
