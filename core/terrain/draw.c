@@ -16,10 +16,10 @@
 #include "core/terrain/detail.h"
 #include "core/terrain/lod.h"
 
-enum { UNIT_ALBEDO, UNIT_NORMAL, UNIT_DETAIL, UNIT_COUNT };
+enum { UNIT_ALBEDO, UNIT_NORMAL, UNIT_DETAIL, UNIT_COUNT, UNIT_SHADOW = UNIT_COUNT };
 
 /* Uniform locations of terrain.frag. */
-enum { AT_ALBEDO_UV, AT_NORMAL_UV, AT_TEXEL_M, AT_ID, AT_DETAIL_EYE };
+enum { AT_ALBEDO_UV, AT_NORMAL_UV, AT_TEXEL_M, AT_ID, AT_DETAIL_EYE, AT_SHADOW_COUNT = 7, AT_SHADOW_WINDOW };
 
 /* Triangles by how many scales of the ground's detail can be seen in them, from all to none. Each zone has a
  * program, since llvmpipe pays for both sides of a branch. */
@@ -29,7 +29,7 @@ struct sv_terrain_draw {
     const struct sv_terrain *terrain;
     struct sv_terrain_lod *lod;
     struct sv_terrain_mesh mesh;
-    unsigned programs[ZONE_COUNT];
+    unsigned programs[2][ZONE_COUNT]; /* without and with shadows */
     uint32_t *zoned; /* the mesh's indices by zone, for as many triangles as zoned_capacity */
     uint32_t zoned_capacity;
     GLuint textures[UNIT_COUNT], vertices, buffers[2];
@@ -126,11 +126,13 @@ static enum sv_status make_programs(struct sv_terrain_draw *draw, struct sv_erro
 {
     int broad = sv_terrain_detail_end_m(SV_DETAIL_BROAD, texel_m(draw->terrain)) > 0;
     enum sv_status status = SV_OK;
-    for (int zone = 0; zone < ZONE_COUNT && !status; zone++) {
-        char defines[80];
-        snprintf(defines, sizeof defines, "#define DETAIL_SCALES %d\n#define DETAIL_BROAD %d\n",
-                 SV_DETAIL_COUNT - zone, broad);
-        status = sv_gl_program_create("terrain.vert", "terrain.frag", defines, &draw->programs[zone], error);
+    for (int k = 0; k < 2 * ZONE_COUNT && !status; k++) {
+        char defines[96];
+        int zone = k / 2, shadows = k % 2;
+        snprintf(defines, sizeof defines, "#define DETAIL_SCALES %d\n#define DETAIL_BROAD %d\n%s",
+                 SV_DETAIL_COUNT - zone, broad, shadows ? "#define SHADOWS\n" : "");
+        status = sv_gl_program_create("terrain.vert", "terrain.frag", defines, &draw->programs[shadows][zone],
+                                      error);
     }
     return status;
 }
@@ -167,8 +169,8 @@ void sv_terrain_draw_destroy(struct sv_terrain_draw *draw)
 {
     if (!draw)
         return;
-    for (int zone = 0; zone < ZONE_COUNT; zone++)
-        gl.DeleteProgram(draw->programs[zone]);
+    for (int k = 0; k < 2 * ZONE_COUNT; k++)
+        gl.DeleteProgram(draw->programs[k % 2][k / 2]);
     gl.DeleteTextures(UNIT_COUNT, draw->textures);
     gl.DeleteBuffers(2, draw->buffers);
     gl.DeleteVertexArrays(1, &draw->vertices);
@@ -197,6 +199,20 @@ static void set_uniforms(const struct sv_terrain *terrain, struct sv_vec3 eye)
     gl.Uniform2fv(AT_DETAIL_EYE, SV_DETAIL_COUNT, eye_uv[0]);
     gl.Uniform1f(AT_TEXEL_M, (float)texel_m(terrain));
     gl.Uniform1ui(AT_ID, SV_ID_TERRAIN);
+}
+
+static void set_shadows(const struct sv_gl_shadows *shadows, struct sv_vec3 eye)
+{
+    float window[SV_GL_SHADOW_WINDOWS][4];
+    for (int k = 0; k < shadows->count; k++) {
+        const struct sv_gl_shadow_window *w = &shadows->window[k];
+        window[k][0] = (float)((eye.x - w->x0) / w->side_m - 0.5);
+        window[k][1] = (float)((eye.y - w->y0) / w->side_m - 0.5);
+        window[k][2] = (float)(1 / w->side_m);
+        window[k][3] = (float)w->layer;
+    }
+    gl.Uniform1i(AT_SHADOW_COUNT, shadows->count);
+    gl.Uniform4fv(AT_SHADOW_WINDOW, shadows->count, window[0]);
 }
 
 /* The depth (m) at which each zone but the last ends; orthographic pixels have one size everywhere. */
@@ -263,8 +279,9 @@ static enum sv_status sort_zones(struct sv_terrain_draw *draw, const struct sv_c
 }
 
 static void submit(const struct sv_terrain_draw *draw, const uint32_t first[ZONE_COUNT + 1],
-                   struct sv_vec3 eye)
+                   const struct sv_gl_frame *frame)
 {
+    bool shadows = frame->shadows && frame->shadows->count > 0;
     const struct sv_terrain_mesh *mesh = &draw->mesh;
     gl.BindVertexArray(draw->vertices);
     gl.BindBuffer(GL_ARRAY_BUFFER, draw->buffers[0]);
@@ -274,8 +291,10 @@ static void submit(const struct sv_terrain_draw *draw, const uint32_t first[ZONE
     for (int z = 0; z < ZONE_COUNT; z++) {
         if (first[z] == first[z + 1])
             continue;
-        gl.UseProgram(draw->programs[z]);
-        set_uniforms(draw->terrain, eye);
+        gl.UseProgram(draw->programs[shadows][z]);
+        set_uniforms(draw->terrain, frame->camera.eye);
+        if (shadows)
+            set_shadows(frame->shadows, frame->camera.eye);
         gl.DrawRangeElements(GL_TRIANGLES, 0, mesh->vertex_count - 1,
                              (GLsizei)((first[z + 1] - first[z]) * 3), GL_UNSIGNED_INT,
                              (const void *)((uintptr_t)first[z] * 12));
@@ -283,7 +302,7 @@ static void submit(const struct sv_terrain_draw *draw, const uint32_t first[ZONE
     gl.BindVertexArray(0);
 }
 
-static void set_state(const struct sv_terrain_draw *draw)
+static void set_state(const struct sv_terrain_draw *draw, const struct sv_gl_shadows *shadows)
 {
     gl.Enable(GL_DEPTH_TEST);
     gl.DepthFunc(GL_GREATER);
@@ -293,6 +312,10 @@ static void set_state(const struct sv_terrain_draw *draw)
     for (unsigned k = 0; k < UNIT_COUNT; k++) {
         gl.ActiveTexture(GL_TEXTURE0 + k);
         gl.BindTexture(GL_TEXTURE_2D, draw->textures[k]);
+    }
+    if (shadows) {
+        gl.ActiveTexture(GL_TEXTURE0 + UNIT_SHADOW);
+        gl.BindTexture(GL_TEXTURE_2D_ARRAY, shadows->texture);
     }
     gl.ActiveTexture(GL_TEXTURE0);
 }
@@ -308,8 +331,8 @@ enum sv_status sv_terrain_draw(struct sv_terrain_draw *draw, const struct sv_gl_
         status = sort_zones(draw, &frame->camera, first, error);
         if (status)
             return status;
-        set_state(draw);
-        submit(draw, first, frame->camera.eye);
+        set_state(draw, frame->shadows);
+        submit(draw, first, frame);
     }
     if (stats)
         *stats = (struct sv_terrain_draw_stats){draw->mesh.triangle_count, draw->mesh.max_error_px};

@@ -6,12 +6,20 @@
 #include <string.h>
 
 #include "core/base/color.h"
+#include "core/base/hash.h"
 #include "core/gl/context.h"
 #include "core/gl/frame.h"
 #include "core/gl/target.h"
 #include "core/terrain/draw.h"
+#include "core/terrain/draw_shadow.h"
 #include "core/tree/draw.h"
 #include "core/truth/truth.h"
+
+/* What a place of the sun costs once: kept while it stays. */
+struct sun_shadow {
+    bool made;
+    struct sv_shadow_height terrain;
+};
 
 struct sv_renderer {
     const struct sv_scene *scene;
@@ -19,6 +27,9 @@ struct sv_renderer {
     struct sv_terrain_draw *terrain;
     struct sv_tree_draw *trees;
     struct sv_truth *truth;
+    struct sv_shadow_draw *shadow_draw;
+    struct sun_shadow scene_sun, other_sun; /* the scene's own is made before any fork */
+    struct sv_gl_shadows shadows;           /* of the view that is being drawn */
     sv_clock_ms clock;
     struct sv_gl_target *target; /* the last one used: most clients keep their size */
     int target_width, target_height;
@@ -30,6 +41,9 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     if (!renderer)
         return;
     sv_gl_target_destroy(renderer->target);
+    sv_shadow_height_finish(&renderer->scene_sun.terrain);
+    sv_shadow_height_finish(&renderer->other_sun.terrain);
+    sv_shadow_draw_destroy(renderer->shadow_draw);
     sv_truth_destroy(renderer->truth);
     sv_tree_draw_destroy(renderer->trees);
     sv_terrain_draw_destroy(renderer->terrain);
@@ -54,6 +68,60 @@ static enum sv_status create_trees(struct sv_renderer *r, struct sv_store *store
     return status;
 }
 
+/* ---- shadows ---- */
+
+static enum sv_status make_sun(struct sv_renderer *r, struct sun_shadow *sun, struct sv_vec3 to_sun,
+                               struct sv_error *error)
+{
+    sun->made = false;
+    enum sv_status status = sv_shadow_height_make(&sun->terrain, &r->scene->terrain.field, to_sun, error);
+    sun->made = status == SV_OK;
+    return status;
+}
+
+static bool is_sun(const struct sun_shadow *sun, struct sv_vec3 to_sun)
+{
+    struct sv_vec3 s = sun->terrain.to_sun;
+    return sun->made && s.x == to_sun.x && s.y == to_sun.y && s.z == to_sun.z;
+}
+
+/* The shadow heights of the sun, made unless it is one of the two that are kept. */
+static enum sv_status want_sun(struct sv_renderer *r, struct sv_vec3 to_sun, struct sun_shadow **sun,
+                               struct sv_error *error)
+{
+    *sun = is_sun(&r->scene_sun, to_sun) ? &r->scene_sun : &r->other_sun;
+    return is_sun(*sun, to_sun) ? SV_OK : make_sun(r, *sun, to_sun, error);
+}
+
+static enum sv_status create_shadows(struct sv_renderer *r, struct sv_error *error)
+{
+    struct sv_light light;
+    sv_light_from_sun(&r->scene->sun, &light);
+    enum sv_status status = sv_shadow_draw_create(&r->shadow_draw, error);
+    if (!status && light.to_sun.z > 0)
+        status = make_sun(r, &r->scene_sun, light.to_sun, error);
+    return status;
+}
+
+/* Everything that keeps the sun of a view off the ground, ready to draw with. */
+static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_resolved_view *view,
+                                      struct sv_gl_frame *frame, struct sv_error *error)
+{
+    frame->shadows = NULL;
+    if (!view->plan.shadows || frame->light.to_sun.z <= 0) /* night: no sunlight to keep off */
+        return SV_OK;
+    struct sun_shadow *sun;
+    enum sv_status status = want_sun(r, frame->light.to_sun, &sun, error);
+    if (status)
+        return status;
+    struct sv_vec3 s = frame->light.to_sun;
+    struct sv_shadow_scene scene = {.field = &r->scene->terrain.field, .terrain = &sun->terrain};
+    scene.key = sv_hash_done(sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, s.x), s.y), s.z));
+    status = sv_shadow_draw_update(r->shadow_draw, &scene, &view->camera, &r->shadows, NULL, error);
+    frame->shadows = &r->shadows;
+    return status;
+}
+
 enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_renderer_options *options,
                                   struct sv_renderer **renderer, struct sv_error *error)
 {
@@ -68,6 +136,8 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
         status = sv_terrain_draw_create(&scene->terrain, options->store, &r->terrain, error);
     if (!status)
         status = create_trees(r, options->store, error);
+    if (!status)
+        status = create_shadows(r, error);
     if (!status && options->truth)
         status = sv_truth_create(scene, &r->truth, error);
     if (status) {
@@ -151,6 +221,9 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
     frame.shift_y_px = shift_y;
     sv_light_from_sun(&view->sun, &frame.light);
     frame.light.air = view->air;
+    status = prepare_shadows(r, view, &frame, error);
+    if (status)
+        return status;
     sv_gl_target_begin(r->target);
     status = sv_gl_frame_begin(&frame, error);
     struct sv_terrain_draw_stats terrain = {0};

@@ -185,10 +185,7 @@ static enum sv_status resolve_plan(const struct sv_view_request *request, struct
     bool reference = request->quality == SV_QUALITY_REFERENCE;
     plan->raycast = reference || request->trees == SV_TREES_RAYCAST;
     plan->draw_trees = request->trees != SV_TREES_NONE;
-    plan->shadows = request->has_shadows && request->shadows;
-    if (plan->shadows && !plan->raycast)
-        return sv_fail(error, SV_EUNSUPPORTED, "shadows",
-                       "shadows=on is built for quality=reference and trees=raycast only");
+    plan->shadows = request->shadows;
     plan->samples = request->samples ? request->samples : reference ? 16 : 1;
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;
     plan->polygon_px = quality_table[request->quality].polygon_px;

@@ -10,6 +10,23 @@ layout(location = 1) uniform vec4 normal_uv;
 layout(location = 2) uniform float texel_m;
 layout(location = 3) uniform uint id_terrain;
 layout(location = 4) uniform vec2 detail_eye[3]; // the eye's place in the detail's tile at its scales
+#ifdef SHADOWS
+layout(binding = 3) uniform sampler2DArray shadow_map; // share of sunlight, core/terrain/draw_shadow.h
+layout(location = 7) uniform int shadow_count;
+layout(location = 8) uniform vec4 shadow_window[10]; // local x, y -> -0.5 .. 0.5: offset, scale; layer; coarsest first
+
+// Share of sunlight at the local place q, from the finest window that holds it; footprint: of the pixel, m.
+float shadow_light(vec2 q, float footprint)
+{
+    vec4 at = shadow_window[0];
+    for (int k = 1; k < shadow_count; k++) {
+        vec4 w = shadow_window[k];
+        vec2 away = abs(q * w.z + w.xy);
+        at = max(away.x, away.y) < 0.498 ? w : at;
+    }
+    return textureLod(shadow_map, vec3(q * at.z + at.xy + 0.5, at.w), log2(footprint * at.z * 1024.0)).r;
+}
+#endif
 
 in vec3 p;
 layout(location = 0) out vec4 color;
@@ -25,7 +42,12 @@ void main()
     float pixel_m = (frame_is_orthographic() ? 1.0 : depth) / projection.y;
     float n_dot_v = dot(n, frame_to_viewer(p));
     albedo = detail_apply(detail_map, detail_at(p.xy, detail_eye), pixel_m, n_dot_v, texel_m, albedo);
-    color = vec4(light_air(frame_distance(p), light_surface(n, albedo, 1.0, 1.0)), 1.0);
+#ifdef SHADOWS
+    float visible = shadow_light(p.xy, pixel_m * inversesqrt(clamp(n_dot_v, 0.04, 1.0)));
+#else
+    float visible = 1.0;
+#endif
+    color = vec4(light_air(frame_distance(p), light_surface(n, albedo, 1.0, visible)), 1.0);
     id = id_terrain;
     normal = vec4(n, 0.0);
 }
