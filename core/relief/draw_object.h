@@ -31,6 +31,7 @@ typedef double (*sv_object_ground)(void *context, double x, double y);
 
 struct sv_object_draw_options {
     double relief_texel_px;  /* >= 0; 0: polygons only; INFINITY: reliefs only */
+    unsigned layers;         /* what is read from the target: bit set of 1u << enum sv_layer */
     bool shadows;            /* for the frame's sun */
     sv_object_ground ground; /* or NULL: the terrain shades no object */
     void *ground_context;
