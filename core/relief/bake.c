@@ -35,9 +35,10 @@ struct bake {
     const struct sv_relief_bake_options *options;
     struct sv_vec3 across, down, front; /* a / |a|^2, b / |b|^2, f */
     double back, range;                 /* displ = d * range - back */
+    float turn[9];                      /* model to (a^, b^, f), column-major */
     float same;                         /* m */
     int tile;                           /* texels a side of a full tile */
-    GLuint array, vertices, indices, plain, masked, white;
+    GLuint array, vertices, indices, white;
     GLuint textures[SV_TREE_MATERIALS_MAX]; /* 0: the white one */
     struct sv_gl_target *target;
     struct sv_image color, normal, depth; /* of one tile */
@@ -111,6 +112,12 @@ static void set_geometry(struct bake *b, const struct sv_relief_frame *f)
     b->across = sv_scale(f->a, 1 / (side_a * side_a));
     b->down = sv_scale(f->b, 1 / (side_b * side_b));
     b->front = f->f;
+    struct sv_vec3 axes[3] = {sv_scale(f->a, 1 / side_a), sv_scale(f->b, 1 / side_b), f->f};
+    for (int k = 0; k < 3; k++) {
+        b->turn[k] = (float)axes[k].x;
+        b->turn[3 + k] = (float)axes[k].y;
+        b->turn[6 + k] = (float)axes[k].z;
+    }
     b->back = o->depth_m + RANGE_MARGIN * range;
     b->range = range * (1 + 2 * RANGE_MARGIN);
     b->same = fminf(o->cut, (float)(SAME_TEXELS * fmax(side_a, side_b)));
@@ -118,14 +125,36 @@ static void set_geometry(struct bake *b, const struct sv_relief_frame *f)
     b->tile = TILE_SIDE / o->samples < side ? TILE_SIDE / o->samples : side;
 }
 
+/* Compiled once a context: a bake of a small relief costs less than its shaders. */
+static struct {
+    unsigned generation; /* 0: none yet */
+    GLuint plain, masked;
+} programs;
+
+static enum sv_status obtain_programs(struct sv_error *error)
+{
+    GLuint plain, masked;
+    if (programs.generation == sv_gl_context_generation() && programs.generation)
+        return SV_OK;
+    enum sv_status status = sv_gl_program_create("relief_bake.vert", "relief_bake.frag", NULL, &plain, error);
+    if (status)
+        return status;
+    status =
+        sv_gl_program_create("relief_bake.vert", "relief_bake.frag", "#define MASKED 1\n", &masked, error);
+    if (status) {
+        gl.DeleteProgram(plain);
+        return status;
+    }
+    programs.plain = plain;
+    programs.masked = masked;
+    programs.generation = sv_gl_context_generation();
+    return SV_OK;
+}
+
 static enum sv_status prepare(struct bake *b, struct sv_error *error)
 {
     int side = b->tile * b->options->samples;
-    enum sv_status status =
-        sv_gl_program_create("relief_bake.vert", "relief_bake.frag", NULL, &b->plain, error);
-    if (!status)
-        status = sv_gl_program_create("relief_bake.vert", "relief_bake.frag", "#define MASKED 1\n",
-                                      &b->masked, error);
+    enum sv_status status = obtain_programs(error);
     if (!status)
         status =
             sv_gl_target_create(side, side, 1u << SV_LAYER_COLOR | 1u << SV_LAYER_NORMAL, &b->target, error);
@@ -148,8 +177,6 @@ static void release(struct bake *b)
     gl.DeleteBuffers(1, &b->indices);
     gl.DeleteTextures(SV_TREE_MATERIALS_MAX, b->textures);
     gl.DeleteTextures(1, &b->white);
-    gl.DeleteProgram(b->plain);
-    gl.DeleteProgram(b->masked);
     sv_gl_target_destroy(b->target);
     sv_image_free(&b->color);
     sv_image_free(&b->normal);
@@ -174,7 +201,7 @@ static void tile_clip(const struct bake *b, struct sv_vec3 origin, int column, i
     sv_mat4_to_float(&m, out);
 }
 
-static void draw(const struct bake *b, const float clip[16], const float turn[9])
+static void draw(const struct bake *b, const float clip[16])
 {
     gl.BindVertexArray(b->array);
     gl.ActiveTexture(GL_TEXTURE0);
@@ -182,10 +209,10 @@ static void draw(const struct bake *b, const float clip[16], const float turn[9]
         const struct sv_tree_material *m = &b->mesh->materials[k];
         if (m->index_count == 0)
             continue;
-        gl.UseProgram(m->masked && b->textures[k] ? b->masked : b->plain);
+        gl.UseProgram(m->masked && b->textures[k] ? programs.masked : programs.plain);
         gl.BindTexture(GL_TEXTURE_2D, b->textures[k] ? b->textures[k] : b->white);
         gl.UniformMatrix4fv(UNIFORM_CLIP, 1, GL_FALSE, clip);
-        gl.UniformMatrix3fv(UNIFORM_TURN, 1, GL_FALSE, turn);
+        gl.UniformMatrix3fv(UNIFORM_TURN, 1, GL_FALSE, b->turn);
         gl.Uniform4fv(UNIFORM_BASE, 1, m->base_color);
         gl.Uniform1f(UNIFORM_CUTOFF, m->alpha_cutoff);
         gl.DrawElements(GL_TRIANGLES, (GLsizei)m->index_count, GL_UNSIGNED_INT,
@@ -267,13 +294,13 @@ static void reduce_texel(const struct bake *b, int i, int j, struct sv_relief *r
     r->color[texel][3] = (uint8_t)((255 * count + samples * samples / 2) / (samples * samples));
 }
 
-static enum sv_status bake_tile(struct bake *b, struct sv_relief *r, int column, int row, const float turn[9],
+static enum sv_status bake_tile(struct bake *b, struct sv_relief *r, int column, int row,
                                 struct sv_error *error)
 {
     float clip[16];
     tile_clip(b, r->frame.origin, column, row, clip);
     sv_gl_target_begin(b->target);
-    draw(b, clip, turn);
+    draw(b, clip);
     enum sv_status status = sv_gl_check("baking a relief", error);
     if (!status)
         status = sv_gl_target_read(b->target, SV_LAYER_COLOR, &b->color, error);
@@ -306,17 +333,10 @@ enum sv_status sv_relief_from_mesh(const struct sv_tree_mesh *mesh, const struct
     r.cut = options->cut;
     set_geometry(&b, frame);
     sv_color_init();
-    struct sv_vec3 axes[3] = {sv_normalize(frame->a), sv_normalize(frame->b), frame->f};
-    float turn[9]; /* column-major: rows are the axes */
-    for (int k = 0; k < 3; k++) {
-        turn[k] = (float)axes[k].x;
-        turn[3 + k] = (float)axes[k].y;
-        turn[6 + k] = (float)axes[k].z;
-    }
     status = prepare(&b, error);
     for (int row = 0; !status && row < r.height; row += b.tile)
         for (int column = 0; !status && column < r.width; column += b.tile)
-            status = bake_tile(&b, &r, column, row, turn, error);
+            status = bake_tile(&b, &r, column, row, error);
     release(&b);
     if (status) {
         sv_relief_finish(&r);
