@@ -321,8 +321,7 @@ double sv_object_draw_shadow_height(struct sv_object_draw *d, double x, double y
         if (fabs(side) > p->radius_m || along < -p->radius_m)
             continue;
         /* Light past the body's top is this high there: most objects are too far or too low. */
-        double light =
-            p->middle.z + p->radius_m / fmax(level, 1e-3) - fmax(along, 0) * d->to_sun.z / fmax(level, 1e-9);
+        double light = p->middle.z + (p->radius_m - along * d->to_sun.z) / fmax(level, 1e-9);
         if (light <= top)
             continue;
         const struct sv_object_sun *sun = want_sun(d, p->class_index);

@@ -1,4 +1,4 @@
-/* renderer.c - see renderer.h. Draws directly: terrain, sky, trees by OSMesa, or everything by Embree. */
+/* renderer.c - see renderer.h. Draws directly: terrain, sky, objects, trees by OSMesa, or everything by Embree. */
 #include "core/view/renderer.h"
 
 #include <math.h>
@@ -10,6 +10,7 @@
 #include "core/gl/context.h"
 #include "core/gl/frame.h"
 #include "core/gl/target.h"
+#include "core/relief/draw_object.h"
 #include "core/terrain/draw.h"
 #include "core/terrain/draw_shadow.h"
 #include "core/tree/draw.h"
@@ -26,6 +27,7 @@ struct sv_renderer {
     struct sv_gl_context *gl;
     struct sv_terrain_draw *terrain;
     struct sv_tree_draw *trees;
+    struct sv_object_draw *objects; /* NULL: the scene has none */
     struct sv_truth *truth;
     struct sv_shadow_draw *shadow_draw;
     struct sun_shadow scene_sun, other_sun; /* the scene's own is made before any fork */
@@ -45,6 +47,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     sv_shadow_height_finish(&renderer->other_sun.terrain);
     sv_shadow_draw_destroy(renderer->shadow_draw);
     sv_truth_destroy(renderer->truth);
+    sv_object_draw_destroy(renderer->objects);
     sv_tree_draw_destroy(renderer->trees);
     sv_terrain_draw_destroy(renderer->terrain);
     sv_gl_context_destroy(renderer->gl);
@@ -117,6 +120,11 @@ static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_res
     struct sv_vec3 s = frame->light.to_sun;
     struct sv_shadow_scene scene = {.field = &r->scene->terrain.field, .terrain = &sun->terrain};
     scene.key = sv_hash_done(sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, s.x), s.y), s.z));
+    if (r->objects) {
+        sv_object_draw_sun(r->objects, s);
+        scene.casters[SV_SHADOW_CASTERS_MAX - 1] =
+            (struct sv_shadow_caster_of){sv_object_draw_cast, r->objects};
+    }
     status = sv_shadow_draw_update(r->shadow_draw, &scene, &view->camera, &r->shadows, NULL, error);
     frame->shadows = &r->shadows;
     return status;
@@ -136,6 +144,8 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
         status = sv_terrain_draw_create(&scene->terrain, options->store, &r->terrain, error);
     if (!status)
         status = create_trees(r, options->store, error);
+    if (!status && scene->object_count > 0)
+        status = sv_object_draw_create(scene, options->store, &r->objects, error);
     if (!status)
         status = create_shadows(r, error);
     if (!status && options->truth)
@@ -207,6 +217,21 @@ static enum sv_status want_target(struct sv_renderer *r, int width, int height, 
     return SV_OK;
 }
 
+static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolved_view *view,
+                                   const struct sv_gl_frame *frame, unsigned layers,
+                                   struct sv_object_draw_stats *stats, struct sv_error *error)
+{
+    struct sv_object_draw_options options = {.relief_texel_px = view->plan.relief_texel_px,
+                                             .layers = layers,
+                                             .shadows = frame->shadows != NULL};
+    struct sun_shadow *sun = NULL;
+    if (options.shadows && want_sun(r, frame->light.to_sun, &sun, error) == SV_OK) {
+        options.ground = sv_shadow_height_at;
+        options.ground_context = &sun->terrain;
+    }
+    return sv_object_draw_view(r->objects, frame, &options, stats, error);
+}
+
 /* One pass: everything once, at one sample position, into the renderer's target. */
 static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky, unsigned layers,
                                 double shift_x, double shift_y, struct sv_draw_stats *stats, struct sv_error *error)
@@ -232,6 +257,9 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
     /* The sky comes before the trees: their soft edges blend over it. */
     if (!status && sky && layers & 1u << SV_LAYER_COLOR)
         status = sv_sky_draw(&frame, error);
+    struct sv_object_draw_stats objects = {0};
+    if (!status && r->objects)
+        status = draw_objects(r, view, &frame, layers, &objects, error);
     struct sv_tree_draw_stats trees = {0};
     if (!status && r->trees && view->plan.draw_trees) {
         struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
@@ -246,6 +274,8 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
         stats->terrain_error_px = terrain.max_error_px;
         stats->polygon_trees = trees.polygon_trees;
         stats->impostor_trees = trees.impostor_trees;
+        stats->polygon_objects = objects.polygon_objects;
+        stats->relief_objects = objects.relief_objects;
     }
     return status ? status : sv_gl_check("draw_pass", error);
 }
@@ -407,4 +437,9 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer)
 {
     return renderer->trees;
+}
+
+const struct sv_object_draw *sv_renderer_objects(const struct sv_renderer *renderer)
+{
+    return renderer->objects;
 }

@@ -7,6 +7,7 @@
 
 struct sv_renderer;
 struct sv_tree_draw;
+struct sv_object_draw;
 
 /* Monotonic milliseconds; given from above so that core has no clock of its own. */
 typedef double (*sv_clock_ms)(void);
@@ -32,6 +33,8 @@ SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer, cons
 void sv_picture_finish(struct sv_picture *picture);
 /* The forest's drawing, for its sizes (sv_tree_draw_bytes); NULL when the scene has no trees. Borrowed. */
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer);
+/* The objects' drawing, for its sizes (sv_object_draw_relief_bytes); NULL when there are none. Borrowed. */
+const struct sv_object_draw *sv_renderer_objects(const struct sv_renderer *renderer);
 /* Encodes as request->format says (layers named as exr does). Heap bytes. */
 SV_MUST_CHECK enum sv_status sv_picture_encode(const struct sv_picture *picture, const struct sv_view_request *request,
                                                const struct sv_resolved_view *view, int epsg, void **bytes, size_t *size,

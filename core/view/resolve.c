@@ -165,15 +165,17 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
     view->sun.azimuth_rad -= 2 * SV_PI * floor(view->sun.azimuth_rad / (2 * SV_PI));
 }
 
-/* How much a quality may cost: the screen-space error of the ground, and what trees may be polygons. */
+/* How much a quality may cost: the screen-space error of the ground, what trees may be polygons, and how large
+ * the texels of a relief may be. */
 static const struct {
     double terrain_error_px, polygon_px;
     uint32_t triangle_budget;
+    double relief_texel_px;
 } quality_table[SV_QUALITY_COUNT] = {
-    [SV_QUALITY_FAST] = {2.0, 320, 150000},
-    [SV_QUALITY_BALANCED] = {1.0, 160, 600000},
-    [SV_QUALITY_HIGH] = {0.5, 96, 4000000},
-    [SV_QUALITY_REFERENCE] = {0.0, 0, UINT32_MAX},
+    [SV_QUALITY_FAST] = {2.0, 320, 150000, 2},
+    [SV_QUALITY_BALANCED] = {1.0, 160, 600000, 1},
+    [SV_QUALITY_HIGH] = {0.5, 96, 4000000, 0.5},
+    [SV_QUALITY_REFERENCE] = {0.0, 0, UINT32_MAX, 0},
 };
 
 static enum sv_status resolve_plan(const struct sv_view_request *request, struct sv_plan *plan,
@@ -188,6 +190,8 @@ static enum sv_status resolve_plan(const struct sv_view_request *request, struct
     plan->shadows = request->shadows;
     plan->samples = request->samples ? request->samples : reference ? 16 : 1;
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;
+    plan->relief_texel_px =
+        request->relief == SV_RELIEF_OFF ? 0 : quality_table[request->quality].relief_texel_px;
     plan->polygon_px = quality_table[request->quality].polygon_px;
     plan->triangle_budget = quality_table[request->quality].triangle_budget;
     plan->trees = plan->raycast && plan->draw_trees ? SV_TREES_RAYCAST : request->trees;

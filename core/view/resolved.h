@@ -18,6 +18,7 @@ struct sv_plan {
     bool shadows;
     int samples;
     double terrain_error_px; /* 0: full detail */
+    double relief_texel_px;  /* objects whose relief texels are at most this large are reliefs; 0: none */
     enum sv_trees trees;     /* the form: auto is polygon near and impostor far */
     double polygon_px;
     uint32_t triangle_budget;

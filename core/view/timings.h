@@ -30,6 +30,7 @@ struct sv_timings {
 
 struct sv_draw_stats {
     uint32_t terrain_triangles, polygon_trees, impostor_trees;
+    uint32_t polygon_objects, relief_objects;
     double terrain_error_px;
 };
 

@@ -13,6 +13,7 @@
 #include "api/scene_doc.h"
 #include "core/geo/geo.h"
 #include "core/image/encode.h"
+#include "core/relief/draw_object.h"
 #include "core/scene/scene.h"
 #include "core/tree/draw.h"
 #include "core/view/renderer.h"
@@ -105,8 +106,10 @@ static void species_facts(const struct sv_backend *backend, struct sv_species_fa
     }
 }
 
-static void object_facts(const struct sv_scene *scene, int i, struct sv_object_facts *out)
+static void object_facts(const struct sv_backend *backend, int i, struct sv_object_facts *out)
 {
+    const struct sv_scene *scene = backend->scene;
+    const struct sv_object_draw *draw = sv_renderer_objects(backend->renderer);
     const struct sv_scene_object *o = &scene->objects[i];
     *out = (struct sv_object_facts){.model = scene->models[o->model].file,
                                     .x = o->x,
@@ -115,7 +118,8 @@ static void object_facts(const struct sv_scene *scene, int i, struct sv_object_f
                                     .heading_rad = o->heading_rad,
                                     .height_m = o->height_m,
                                     .relief_resolution = o->relief_resolution,
-                                    .triangle_count = scene->models[o->model].mesh.index_count / 3};
+                                    .triangle_count = scene->models[o->model].mesh.index_count / 3,
+                                    .relief_bytes = draw ? sv_object_draw_relief_bytes(draw, i) : 0};
 }
 
 static char *make_document(const struct sv_backend *backend, const struct sv_backend_options *options,
@@ -151,7 +155,7 @@ static char *make_document(const struct sv_backend *backend, const struct sv_bac
         place_facts(backend, &facts);
         species_facts(backend, species);
         for (int i = 0; i < scene->object_count; i++)
-            object_facts(scene, i, &objects[i]);
+            object_facts(backend, i, &objects[i]);
         document = sv_api_scene_doc(&facts, &bytes);
     }
     free(species);
