@@ -82,7 +82,7 @@ struct sv_prewarp_options {
     int width, height;           /* samples of the result, 1 .. SV_PREWARP_SIDE_MAX; 0: one a texel */
     const uint8_t (*color)[4];   /* NULL: the relief's own; else lit colours of the same layout */
     bool fill;                   /* holes from the far side */
-    enum sv_prewarp_order order; /* AUTO: the first pass is along the axis that is compressed less */
+    enum sv_prewarp_order order; /* AUTO: pass 1 along the axis where it compresses less of what shifts */
 };
 
 /* The two-pass serial warp: rows by u_i, carrying v_i of the original texels along (not recomputed from

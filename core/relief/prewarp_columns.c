@@ -14,8 +14,35 @@
 struct piece {
     struct sv_prewarp_sample from, to;
     double tau0, tau1;
-    int j0, j1; /* rows that the ends' texels are in */
+    const struct sv_prewarp_row *row0, *row1; /* rows that the ends' texels are in */
 };
+
+/* Colour of a row at u, between texels of the surface that `texel` belongs to. */
+static void row_color(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int texel, double u,
+                      uint8_t color[4])
+{
+    int i = (int)sv_clamp(floor(u - 0.5), 0, w->width - 1), next = i + 1 < w->width ? i + 1 : i;
+    double s = sv_clamp(u - 0.5 - i, 0, 1);
+    i = row->run[i] == row->run[texel] ? i : texel;
+    next = row->run[next] == row->run[texel] ? next : i;
+    size_t at = (size_t)row->j * w->step_v;
+    sv_prewarp_mix(w->color[at + (size_t)i * w->step_u], w->color[at + (size_t)next * w->step_u], s, color);
+}
+
+/* The colour on the way from one end to the other: of the texels that lie between, where the ends are more
+ * than a texel apart along the row (the rows have moved against each other). */
+static void color_on(const struct sv_prewarp_work *w, const struct piece *p, double s, uint8_t color[4])
+{
+    if (fabsf(p->to.u - p->from.u) <= 1) {
+        sv_prewarp_mix(p->from.color, p->to.color, s, color);
+        return;
+    }
+    uint8_t c0[4], c1[4];
+    double u = (1 - s) * p->from.u + s * p->to.u;
+    row_color(w, p->row0, p->from.texel, u, c0);
+    row_color(w, p->row1, p->to.texel, u, c1);
+    sv_prewarp_mix(c0, c1, s, color);
+}
 
 static void draw(const struct sv_prewarp_work *w, int x, const struct piece *p)
 {
@@ -23,30 +50,28 @@ static void draw(const struct sv_prewarp_work *w, int x, const struct piece *p)
     struct sv_warped *out = w->out;
     if (!sv_prewarp_span_init(&span, p->from.v, p->to.v, p->tau0, p->tau1, w->out_height))
         return;
-    size_t t0 = (size_t)p->from.texel * w->step_u + (size_t)p->j0 * w->step_v;
-    size_t t1 = (size_t)p->to.texel * w->step_u + (size_t)p->j1 * w->step_v;
+    size_t t0 = (size_t)p->from.texel * w->step_u + (size_t)p->row0->j * w->step_v;
+    size_t t1 = (size_t)p->to.texel * w->step_u + (size_t)p->row1->j * w->step_v;
     for (int y = span.first; y < span.last; y++) {
         double r, s = sv_prewarp_span_at(&span, y, &r);
         size_t at = (size_t)x * w->out_step_x + (size_t)y * w->out_step_y;
-        sv_prewarp_mix(p->from.color, p->to.color, s, out->color[at]);
+        color_on(w, p, s, out->color[at]);
         out->displ[at] = (float)((1 - s) * p->from.displ + s * p->to.displ);
         out->texel[at] = (uint32_t)(s < 0.5 ? t0 : t1);
     }
 }
 
-/* Sample a's texel, taken along its row to column c, and the one across from it, are one surface. */
-static bool joined_at(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above,
-                      const struct sv_prewarp_row *below, int c)
-{
-    return above->run[c] >= 0 && below->run[c] >= 0 &&
-           fabsf(above->displ[c] - below->displ[c]) <= w->relief->cut;
-}
-
+/* The texels a of the upper row and b of the lower one are one surface: one goes along the upper row, over a
+ * place where the rows hold together, and along the lower one, between a and b. */
 static bool joined(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above, int a,
                    const struct sv_prewarp_row *below, int b)
 {
-    return (above->run[a] == above->run[b] && joined_at(w, above, below, b)) ||
-           (below->run[a] == below->run[b] && joined_at(w, above, below, a));
+    int first = a < b ? a : b, last = a < b ? b : a;
+    for (int c = first; c <= last; c++)
+        if (above->run[c] == above->run[a] && below->run[c] == below->run[b] &&
+            fabsf(above->displ[c] - below->displ[c]) <= w->relief->cut)
+            return true;
+    return false;
 }
 
 static int kept(const struct sv_prewarp_row *row, int x)
@@ -79,18 +104,20 @@ static void choose(const struct sv_prewarp_work *w, const struct sv_prewarp_row 
 }
 
 /* Half a texel, from the sample to the border between the rows, at v = edge. */
-static struct piece half(const struct sv_prewarp_work *w, const struct sv_prewarp_sample *a, int j, int edge)
+static struct piece half(const struct sv_prewarp_work *w, const struct sv_prewarp_sample *a,
+                         const struct sv_prewarp_row *row, int edge)
 {
-    struct piece p = {*a, *a, 1, 1, j, j};
+    struct piece p = {*a, *a, 1, 1, row, row};
     double tau = 1 + w->k3 * a->displ;
     p.to.v = ((edge + w->k2 * a->displ) / tau - w->v0) * w->scale_v; /* eq. 1, 3 */
     return p;
 }
 
-static struct piece whole(const struct sv_prewarp_work *w, const struct sv_prewarp_sample *a, int j0,
-                          const struct sv_prewarp_sample *b, int j1)
+static struct piece whole(const struct sv_prewarp_work *w, const struct sv_prewarp_sample *a,
+                          const struct sv_prewarp_row *above, const struct sv_prewarp_sample *b,
+                          const struct sv_prewarp_row *below)
 {
-    return (struct piece){*a, *b, 1 + w->k3 * a->displ, 1 + w->k3 * b->displ, j0, j1};
+    return (struct piece){*a, *b, 1 + w->k3 * a->displ, 1 + w->k3 * b->displ, above, below};
 }
 
 static void insert(struct piece *pieces, int count, const struct piece *p, double toward)
@@ -113,13 +140,13 @@ static void draw_column(const struct sv_prewarp_work *w, int x, const struct sv_
     choose(w, above, na, a, below, nb, b, of_a, of_b);
     for (int m = 0; m < na; m++) {
         bool pair = of_a[m] >= 0 && of_b[of_a[m]] == m;
-        p = pair ? whole(w, &a[m], above->j, &b[of_a[m]], below->j) : half(w, &a[m], above->j, above->j + 1);
+        p = pair ? whole(w, &a[m], above, &b[of_a[m]], below) : half(w, &a[m], above, above->j + 1);
         insert(pieces, count++, &p, w->toward);
     }
     for (int n = 0; n < nb; n++) {
         if (of_b[n] >= 0 && of_a[of_b[n]] == n)
             continue;
-        p = half(w, &b[n], below->j, below->j);
+        p = half(w, &b[n], below, below->j);
         insert(pieces, count++, &p, w->toward);
     }
     for (int n = 0; n < count; n++)
@@ -137,7 +164,7 @@ void sv_prewarp_warp_columns(const struct sv_prewarp_work *w, const struct sv_pr
             const struct sv_prewarp_sample *a = above->samples + (size_t)x * SV_PREWARP_LAYERS;
             const struct sv_prewarp_sample *b = below->samples + (size_t)x * SV_PREWARP_LAYERS;
             if (joined(w, above, a->texel, below, b->texel)) {
-                struct piece p = whole(w, a, above->j, b, below->j);
+                struct piece p = whole(w, a, above, b, below);
                 draw(w, x, &p);
                 continue;
             }

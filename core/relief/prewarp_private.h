@@ -24,8 +24,8 @@ struct sv_prewarp_work {
     struct sv_warped *out;
 };
 
-/* The rectangle of whole texels that is drawn, and how much pass 1 would lose along either axis: the sum over
- * pairs of neighbours of how much closer together than one texel they come. Axes are the relief's. */
+/* The rectangle of whole texels that is drawn, and how much is lost when pass 1 runs along either axis (a
+ * sum over texels; prewarp_window.c, loss). Axes are the relief's. */
 struct sv_prewarp_extent {
     double u0, v0, u1, v1;
     double lost_u, lost_v;
@@ -44,6 +44,7 @@ enum { SV_PREWARP_LAYERS = 16 };
 struct sv_prewarp_sample {
     double v; /* vi, as a sample position along the second axis */
     float displ;
+    float u;       /* where it stands along the first axis, texels */
     int32_t texel; /* along the first axis: the nearer one of the two that it lies between */
     uint8_t color[4];
 };

@@ -28,7 +28,7 @@ static void put_half(const struct sv_prewarp_work *w, struct sv_prewarp_row *row
     double border = ((edge + w->k1 * row->displ[i]) / row->tau[i] - w->u0) * w->scale_u; /* eq. 1, 3 */
     if (!sv_prewarp_span_init(&span, row->u[i], border, 1, 1, w->out_width))
         return;
-    struct sv_prewarp_sample sample = {row->v[i], row->displ[i], i, {0}};
+    struct sv_prewarp_sample sample = {row->v[i], row->displ[i], i + 0.5f, i, {0}};
     memcpy(sample.color, color_of(w, i, row->j), 3);
     sample.color[3] = 255;
     for (int x = span.first; x < span.last; x++)
@@ -47,6 +47,7 @@ static void put_pair(const struct sv_prewarp_work *w, struct sv_prewarp_row *row
         double r, s = sv_prewarp_span_at(&span, x, &r);
         sample.v = row->v[i - 1] + r * (row->v[i] - row->v[i - 1]);
         sample.displ = (float)((1 - s) * row->displ[i - 1] + s * row->displ[i]);
+        sample.u = (float)(i - 0.5 + s);
         sample.texel = s < 0.5 ? i - 1 : i;
         sv_prewarp_mix(a, b, s, sample.color);
         put(row, x, &sample);

@@ -9,9 +9,10 @@
  * overwrites, and no depth is compared between rows. For parallel projection e is infinitely far and one
  * quadrant is left.
  *
- * Which axis first: pass 1 squeezes a row into the samples that it covers; the axis along which neighbours
- * come less close together loses less (prewarp_window.c). The code below knows a first and a second axis
- * only. */
+ * Which axis first: pass 2 joins what lies in one column of samples in neighbouring rows; where pass 1 has
+ * compressed a row, or shifts differ from row to row, that is far apart along the row. The axis along which
+ * it is nearer together loses less (prewarp_window.c). The code below knows a first and a second axis only.
+ */
 #include <stdlib.h>
 #include <string.h>
 

@@ -37,11 +37,15 @@ static void grow(const struct sv_prewarp *prewarp, const double place[2], double
     box[3] = fmax(box[3], place[1] + half);
 }
 
-/* By how much a neighbour lands nearer than one texel; folds count as more than one. */
-static double loss(double before, double after)
+/* How far along the first axis (in texels) the surface that one sample sees moves from one row to the next:
+ * what crosses the axis, over how much the axis is stretched (a compressed one moves much). Pass 2 draws a
+ * straight line between the two, over all that lies between. */
+static double loss(const double here[2], const double along[2], const double across[2], int axis)
 {
-    double apart = after - before;
-    return isnan(apart) ? 0 : sv_clamp(1 - apart, 0, 4);
+    if (isnan(here[0]) || isnan(along[0]) || isnan(across[0]))
+        return 0;
+    double shift = fabs(across[axis] - here[axis]), stretch = fabs(here[axis] - along[axis]);
+    return shift < 4 * stretch ? shift / stretch : shift > 0 ? 4 : 0;
 }
 
 enum sv_status sv_prewarp_extent(const struct sv_relief *relief, const struct sv_prewarp *prewarp,
@@ -59,8 +63,10 @@ enum sv_status sv_prewarp_extent(const struct sv_relief *relief, const struct sv
             if (isnan(row[i][0]))
                 continue;
             grow(prewarp, row[i], relief->displ[(size_t)j * (size_t)w + (size_t)i], box);
-            lost[0] += i > 0 ? loss(row[i - 1][0], row[i][0]) : 0;
-            lost[1] += j > 0 && !isnan(above[i][0]) ? loss(above[i][1], row[i][1]) : 0;
+            if (i == 0 || j == 0)
+                continue;
+            lost[0] += loss(row[i], row[i - 1], above[i], 0);
+            lost[1] += loss(row[i], above[i], row[i - 1], 1);
         }
     }
     free(place);

@@ -1,0 +1,456 @@
+/* test_prewarp.c - the pre-warp against rays met with the plane in long double, and the two-pass warp against
+ * a brute-force warp with a depth buffer: many points of each texel, each sent along its own ray, nearest
+ * wins. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "core/base/rng.h"
+#include "core/relief/prewarp.h"
+#include "tests/core/relief/named_reliefs.h"
+#include "tests/core/relief/ray_march.h"
+
+typedef long double real;
+
+struct real3 {
+    real x, y, z;
+};
+
+static struct real3 real3_of(struct sv_vec3 v)
+{
+    return (struct real3){v.x, v.y, v.z};
+}
+static real dot_l(struct real3 a, struct real3 b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+static struct real3 madd_l(struct real3 a, struct real3 b, real s)
+{
+    return (struct real3){a.x + b.x * s, a.y + b.y * s, a.z + b.z * s};
+}
+
+/* Where the line from X along `along` (perspective: X - eye) meets the plane, in texels; tau: how many times
+ * the plane's distance X has. */
+static void meet_plane(const struct sv_relief_frame *frame, struct real3 x, struct real3 along, real *u,
+                       real *v, real *t)
+{
+    struct real3 o = real3_of(frame->origin), f = real3_of(frame->f), a = real3_of(frame->a),
+                 b = real3_of(frame->b);
+    *t = dot_l(madd_l(o, x, -1), f) / dot_l(along, f);
+    struct real3 p = madd_l(madd_l(x, along, *t), o, -1);
+    *u = dot_l(p, a) / dot_l(a, a);
+    *v = dot_l(p, b) / dot_l(b, b);
+}
+
+static struct real3 place_l(const struct sv_relief_frame *f, real u, real v, real d)
+{
+    return madd_l(madd_l(madd_l(real3_of(f->origin), real3_of(f->a), u), real3_of(f->b), v), real3_of(f->f),
+                  d);
+}
+
+static struct sv_vec3 random_unit(struct sv_rng *rng)
+{
+    double z = sv_rng_range(rng, -1, 1), phi = sv_rng_range(rng, 0, 2 * SV_PI), r = sqrt(1 - z * z);
+    return sv_vec3(r * cos(phi), r * sin(phi), z);
+}
+
+/* Any attitude, both hands, texels of 1 mm to 1 km, at UTM coordinates one time in four. */
+static struct sv_relief_frame random_frame(struct sv_rng *rng)
+{
+    struct sv_relief_frame frame;
+    struct sv_vec3 x = random_unit(rng), y, z = random_unit(rng);
+    z = sv_normalize(sv_cross(x, z));
+    y = sv_cross(z, x);
+    double far = sv_rng_unit(rng) < 0.25 ? 1 : 0;
+    frame.a = sv_scale(x, pow(10, sv_rng_range(rng, -3, 3)));
+    frame.b = sv_scale(y, sv_length(frame.a) * pow(10, sv_rng_range(rng, -1, 1)));
+    frame.f = sv_rng_next(rng) & 1 ? z : sv_scale(z, -1);
+    frame.origin = sv_vec3(500000 * far + sv_rng_range(rng, -100, 100), 4e6 * far, 0);
+    return frame;
+}
+
+/* ---- equations ---- */
+
+/* Tolerance: c.f, c.a and f.a carry rounding of some eps |c|, so that k1 d has a relative error of eps
+ * |c|/|c.f|; a, b and f are square to some eps only, so that vs b has a part along a, and us a + vs b one
+ * along f, which tau takes for distance; tau magnifies all of it. 64 eps of the sum. */
+static real allowed(const struct sv_relief_frame *f, struct sv_vec3 c, double us, double vs, double d,
+                    real tau, real ui, double side)
+{
+    real depth = fabs(sv_dot(c, f->f)), steep = sv_length(c) / depth;
+    real flat = us * sv_length(f->a) + vs * sv_length(f->b);
+    return 64 * 0x1p-53L *
+           (flat / side + sv_length(c) / side * fabs(d) / depth * steep +
+            fabsl(ui) * (1 + fabs(d) / depth * steep + flat / depth) + 1e-6L) /
+           tau;
+}
+
+static void equations_meet_the_rays(void **state)
+{
+    (void)state;
+    enum { COUNT = 100000 };
+    struct sv_rng rng = sv_rng_seeded(31, 1);
+    real worst = 0, plain = 0;
+    int tried = 0, front = 0, hand = 0;
+    while (tried < COUNT) {
+        struct sv_relief_frame f = random_frame(&rng);
+        double texel = sv_length(f.a), us = sv_rng_range(&rng, 0, 512), vs = sv_rng_range(&rng, 0, 512);
+        struct sv_vec3 eye = sv_madd(f.origin, random_unit(&rng), texel * pow(10, sv_rng_range(&rng, -1, 5)));
+        double d = texel * sv_rng_range(&rng, -300, 300), ui, vi;
+        struct sv_prewarp p;
+        struct sv_error error;
+        if (sv_prewarp_perspective(&f, eye, &p, &error) || 1 + p.k[2] * d <= p.near)
+            continue;
+        real u, v, t;
+        struct real3 x = place_l(&f, us, vs, d);
+        meet_plane(&f, x, madd_l(x, real3_of(eye), -1), &u, &v, &t);
+        assert_true(sv_prewarp_point(&p, us, vs, d, &ui, &vi));
+        struct sv_vec3 c = sv_sub(f.origin, eye);
+        real tau = 1 + (real)d / sv_dot(c, f.f);
+        real off_u = fabsl(ui - u), off_v = fabsl(vi - v);
+        real share = fmaxl(off_u / allowed(&f, c, us, vs, d, tau, u, texel),
+                           off_v / allowed(&f, c, us, vs, d, tau, v, sv_length(f.b)));
+        if (share > worst)
+            worst = share;
+        if (tau > 0.1L && fabs(sv_dot(c, f.f)) > 0.2 * sv_length(c))
+            plain = fmaxl(plain, fmaxl(off_u / (1 + fabsl(u)), off_v / (1 + fabsl(v))));
+        if (share > 1)
+            fail_msg("seed 31, case %d: (us, vs, d) = (%.17g, %.17g, %.17g): expected (%.17Lg, %.17Lg), got "
+                     "(%.17g, %.17g), %Lg of what is allowed",
+                     tried, us, vs, d, u, v, ui, vi, share);
+        front += !p.behind;
+        hand += sv_dot(sv_cross(f.a, f.b), f.f) > 0;
+        tried++;
+    }
+    print_message("(1), (2): %d cases, %d with the eye in front, %d right-handed: worst %.3Lf of the bound; "
+                  "%.2Lg of |u| + 1 where nothing is steep\n",
+                  tried, front, hand, worst, plain);
+    assert_true(front > COUNT / 4 && front < COUNT * 3 / 4 && hand > COUNT / 4 && hand < COUNT * 3 / 4);
+    assert_true(plain < 1e-9L);
+}
+
+/* (2) as printed, by triple products: the short form in use is the same. */
+static void short_form_is_the_printed_two(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(31, 2);
+    for (int n = 0; n < 10000; n++) {
+        struct sv_relief_frame f = random_frame(&rng);
+        f.origin = sv_vec3(0, 0, 0);
+        struct sv_vec3 eye = sv_scale(random_unit(&rng), 100 * sv_length(f.a)), c = sv_scale(eye, -1);
+        struct sv_prewarp p;
+        struct sv_error error;
+        if (sv_prewarp_perspective(&f, eye, &p, &error) || fabs(sv_dot(c, f.f)) < 0.01 * sv_length(c))
+            continue;
+        double det = sv_dot(f.a, sv_cross(f.b, c));
+        double scale = fabs(p.k[0]) + 1 / sv_length(f.a);
+        assert_true(fabs(sv_dot(f.f, sv_cross(f.b, c)) / det - p.k[0]) < 1e-10 * scale);
+        scale = fabs(p.k[1]) + 1 / sv_length(f.b);
+        assert_true(fabs(sv_dot(f.f, sv_cross(c, f.a)) / det - p.k[1]) < 1e-10 * scale);
+    }
+}
+
+/* (4): ours by rays and as the limit of (2); what is printed is off by twice the shift. */
+static void printed_four_fails(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(31, 3);
+    int tried = 0, wrong_by_ray = 0, wrong_by_limit = 0;
+    real ours_ray = 0, ours_limit = 0;
+    while (tried < 20000) {
+        struct sv_relief_frame f = random_frame(&rng);
+        double texel = sv_length(f.a), us = sv_rng_range(&rng, 0, 512), vs = sv_rng_range(&rng, 0, 512);
+        struct sv_vec3 c = random_unit(&rng);
+        double d = texel * sv_rng_range(&rng, -50, 50), ui, vi, lu, lv;
+        double depth = sv_dot(c, f.f);
+        if (fabs(depth) < 0.05)
+            continue;
+        struct sv_prewarp p, far;
+        struct sv_error error;
+        assert_int_equal(sv_prewarp_parallel(&f, sv_scale(c, 3), &p, &error), SV_OK);
+        struct sv_vec3 eye = sv_madd(f.origin, c, -1e7 * texel);
+        assert_int_equal(sv_prewarp_perspective(&f, eye, &far, &error), SV_OK);
+        assert_true(sv_prewarp_point(&p, us, vs, d, &ui, &vi) && sv_prewarp_point(&far, us, vs, d, &lu, &lv));
+        real u, v, t;
+        meet_plane(&f, place_l(&f, us, vs, d), real3_of(c), &u, &v, &t);
+        double printed_u = us + d * sv_dot(c, f.a) / (sv_dot(f.a, f.a) * depth); /* eq. 4 as printed */
+        ours_ray = fmaxl(ours_ray, fmaxl(fabsl(ui - u), fabsl(vi - v)) / (1 + fabsl(u) + fabsl(v)));
+        /* at 1e7 texels, tau is off 1 by up to 50 / (0.05 1e7) */
+        ours_limit = fmaxl(ours_limit, fmaxl(fabs(ui - lu), fabs(vi - lv)) / (1 + fabsl(u) + fabsl(v)));
+        if (fabs(ui - us) < 0.01)
+            continue;
+        wrong_by_ray += fabsl(printed_u - u) > 1.9L * fabsl(u - us);
+        wrong_by_limit += fabs(printed_u - lu) > 0.5 * fabs(lu - us);
+        tried++;
+    }
+    print_message("(4): ours is off by %.2Lg of |u| + |v| + 1 by rays, %.2Lg against (2) from 1e7 texels; as "
+                  "printed, %d and %d of %d cases are wrong by twice the shift\n",
+                  ours_ray, ours_limit, wrong_by_ray, wrong_by_limit, tried);
+    assert_true(ours_ray < 1e-9L && ours_limit < 2e-4L);
+    assert_int_equal(wrong_by_ray, tried);
+    assert_true(wrong_by_limit > tried * 99 / 100);
+}
+
+static struct sv_relief_frame plain_frame(void)
+{
+    return (struct sv_relief_frame){sv_vec3(0, 0, 0), sv_vec3(1, 0, 0), sv_vec3(0, 1, 0), sv_vec3(0, 0, 1)};
+}
+
+static void singular_places_are_answered(void **state)
+{
+    (void)state;
+    struct sv_relief_frame f = plain_frame();
+    struct sv_prewarp p;
+    struct sv_error error;
+    assert_int_equal(sv_prewarp_perspective(&f, sv_vec3(-10, 0, 5e-6), &p, &error), SV_EINVAL);
+    assert_string_equal(error.field, "eye");
+    assert_non_null(strstr(error.message, "degrees"));
+    assert_int_equal(sv_prewarp_perspective(&f, sv_vec3(-10, 0, 2e-5), &p, &error), SV_OK);
+    assert_int_equal(sv_prewarp_perspective(&f, sv_vec3(0, 0, 0), &p, &error), SV_EINVAL);
+    assert_int_equal(sv_prewarp_perspective(&f, sv_vec3(NAN, 0, 1), &p, &error), SV_EINVAL);
+    assert_int_equal(sv_prewarp_perspective(&f, sv_vec3(INFINITY, 0, 1), &p, &error), SV_EINVAL);
+    assert_int_equal(sv_prewarp_parallel(&f, sv_vec3(1, 1, 1e-7), &p, &error), SV_EINVAL);
+    assert_string_equal(error.field, "direction");
+    assert_int_equal(sv_prewarp_parallel(&f, sv_vec3(0, 0, 0), &p, &error), SV_EINVAL);
+    assert_int_equal(sv_prewarp_parallel(&f, sv_vec3(0, 0, -1e-200), &p, &error), SV_OK);
+    f.a = sv_vec3(0, 0, 0);
+    assert_int_equal(sv_prewarp_parallel(&f, sv_vec3(0, 0, -1), &p, &error), SV_EINVAL);
+    f = plain_frame();
+    double u = 7, v = 7;
+    assert_int_equal(sv_prewarp_perspective(&f, sv_vec3(3, 4, 10), &p, &error), SV_OK);
+    assert_true(p.epipole[0] == 3 && p.epipole[1] == 4 && !p.behind);
+    assert_true(sv_prewarp_point(&p, 1, 2, 9.98, &u, &v));
+    u = v = 7;
+    assert_false(sv_prewarp_point(&p, 1, 2, 9.9999, &u, &v)); /* tau 1e-5 */
+    assert_false(sv_prewarp_point(&p, 1, 2, 11, &u, &v));
+    assert_false(sv_prewarp_point(&p, 1, 2, NAN, &u, &v));
+    assert_false(sv_prewarp_point(&p, INFINITY, 2, 0, &u, &v));
+    assert_true(u == 7 && v == 7);
+}
+
+/* ---- the two-pass warp ---- */
+
+struct view {
+    bool parallel;
+    struct sv_vec3 eye_or_direction;
+};
+
+static struct sv_prewarp prewarp_of(const struct sv_relief_frame *frame, const struct view *view)
+{
+    struct sv_prewarp p;
+    struct sv_error error;
+    if (view->parallel ? sv_prewarp_parallel(frame, view->eye_or_direction, &p, &error)
+                       : sv_prewarp_perspective(frame, view->eye_or_direction, &p, &error))
+        fail_msg("%s: %s", error.field, error.message);
+    return p;
+}
+
+/* Looks at the middle of a relief from `angle` off f (> 90 degrees: from behind), `away` sizes from it. */
+static struct view view_of(const struct sv_relief *r, double angle, double azimuth, double away,
+                           bool parallel)
+{
+    const struct sv_relief_frame *f = &r->frame;
+    struct sv_vec3 middle = sv_relief_point(f, 0.5 * r->width, 0.5 * r->height, r->displ_min);
+    struct sv_vec3 side =
+        sv_add(sv_scale(sv_normalize(f->a), cos(azimuth)), sv_scale(sv_normalize(f->b), sin(azimuth)));
+    struct sv_vec3 to = sv_madd(sv_scale(f->f, cos(angle)), side, sin(angle));
+    double size = fmax(sv_length(f->a) * r->width, sv_length(f->b) * r->height);
+    return parallel ? (struct view){true, sv_scale(to, -1)}
+                    : (struct view){false, sv_madd(middle, to, away * size)};
+}
+
+/* The truth of one sample: a ray from the eye through its place on the plane (ray_march.h). */
+static void look_through(const struct ray_field *field, const struct sv_relief *r, const struct view *view,
+                         const struct sv_warped *w, int x, int y, struct ray_seen *seen)
+{
+    double u = w->u0 + (x + 0.5) * (w->u1 - w->u0) / w->width;
+    double v = w->v0 + (y + 0.5) * (w->v1 - w->v0) / w->height;
+    struct sv_vec3 p = sv_relief_point(&r->frame, u, v, 0), aside = r->frame.a, eye = view->eye_or_direction;
+    double size =
+        sv_length(r->frame.a) * r->width + sv_length(r->frame.b) * r->height + r->displ_max - r->displ_min;
+    struct sv_camera c = {.projection =
+                              view->parallel ? SV_PROJECTION_ORTHOGRAPHIC : SV_PROJECTION_PERSPECTIVE,
+                          .vfov_rad = 1,
+                          .ortho_height_m = 1,
+                          .width = 1,
+                          .height = 1,
+                          .near_m = 1e-6 * size,
+                          .far_m = 200 * size};
+    c.forward = sv_normalize(view->parallel ? eye : sv_sub(p, eye));
+    c.right = sv_normalize(sv_cross(c.forward, aside));
+    c.up = sv_cross(c.right, c.forward);
+    c.eye = view->parallel ? sv_madd(p, c.forward, -100 * size) : eye;
+    ray_march(field, &c, 0.5, 0.5, seen);
+}
+
+struct tally {
+    long seen, off, missing, extra, holes, holes_right, fill_off;
+};
+
+/* plain: the warp without filling, full: with it. */
+static void compare(const struct sv_relief *r, const struct view *view, const struct sv_warped *plain,
+                    const struct sv_warped *full, struct tally *t)
+{
+    struct ray_field *field = ray_field_create(r);
+    for (int y = 0; y < plain->height; y++)
+        for (int x = 0; x < plain->width; x++) {
+            size_t at = (size_t)y * (size_t)plain->width + (size_t)x;
+            struct ray_seen seen;
+            look_through(field, r, view, plain, x, y, &seen);
+            bool there = seen.kind == RAY_SURFACE, ours = plain->color[at][3] != 0;
+            bool hole = !ours && full->color[at][3] != 0;
+            double most = 0, filled = 0;
+            for (int c = 0; c < 3; c++) {
+                most = fmax(most, fabs(plain->color[at][c] - seen.rgb[c]));
+                filled = fmax(filled, fabs(full->color[at][c] - seen.rgb[c]));
+            }
+            t->seen += there || ours;
+            t->missing += there && !ours;
+            t->extra += ours && !there;
+            t->off += there && ours && most > 8;
+            t->holes += seen.kind == RAY_HOLE;
+            t->holes_right += seen.kind == RAY_HOLE && hole;
+            t->fill_off += seen.kind == RAY_HOLE && hole && filled > 8;
+        }
+    ray_field_destroy(field);
+}
+
+static struct sv_warped warp(const struct sv_relief *r, const struct sv_prewarp *p, int width, int height,
+                             bool fill, enum sv_prewarp_order order)
+{
+    struct sv_prewarp_options options = {.width = width, .height = height, .fill = fill, .order = order};
+    struct sv_warped w;
+    struct sv_error error;
+    if (sv_prewarp_two_pass(r, p, &options, &w, &error))
+        fail_msg("%s: %s", error.field, error.message);
+    return w;
+}
+
+static struct sv_relief new_relief(int width, int height, float cut)
+{
+    struct sv_relief r;
+    struct sv_error error;
+    if (sv_relief_alloc(width, height, &r, &error))
+        fail_msg("%s", error.message);
+    r.frame = plain_frame();
+    r.cut = cut;
+    return r;
+}
+
+static void set(struct sv_relief *r, int i, int j, float d, int red, int green, int blue)
+{
+    size_t at = (size_t)j * (size_t)r->width + (size_t)i;
+    r->displ[at] = d;
+    uint8_t color[4] = {(uint8_t)red, (uint8_t)green, (uint8_t)blue, 255};
+    memcpy(r->color[at], color, 4);
+}
+
+/* A flat relief is its own warp, texel for texel, from anywhere. */
+static void flat_reliefs_stay(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(31, 4);
+    struct sv_relief r = new_relief(17, 9, 1);
+    for (int j = 0; j < 9; j++)
+        for (int i = 0; i < 17; i++)
+            set(&r, i, j, 0, (int)(sv_rng_next(&rng) & 255), i * 15, j * 25);
+    sv_relief_measure(&r);
+    for (int n = 0; n < 32; n++) {
+        struct view view = view_of(&r, n < 16 ? 1.2 : 2.0, n, 0.7, n & 1);
+        struct sv_prewarp p = prewarp_of(&r.frame, &view);
+        struct sv_warped w = warp(&r, &p, 0, 0, true, SV_PREWARP_ORDER_AUTO);
+        assert_int_equal(w.width, 17);
+        assert_int_equal(w.height, 9);
+        assert_memory_equal(w.color, r.color, 17 * 9 * 4);
+        assert_memory_equal(w.displ, r.displ, 17 * 9 * 4);
+        for (uint32_t t = 0; t < 17 * 9; t++)
+            assert_int_equal(w.texel[t], t);
+        assert_int_equal(w.holes, 0);
+        sv_warped_finish(&w);
+    }
+    sv_relief_finish(&r);
+}
+
+static int size_at(double texels, double scale)
+{
+    return (int)sv_clamp(texels * scale + 0.5, 1, 512);
+}
+
+static const struct {
+    double angle, azimuth, away;
+    bool parallel;
+} looks[] = {{0.1, 0.3, 1.5, false}, {0.5, 2.2, 1.2, false}, {0.52, 4.1, 2.0, true}, {1.0, 5.5, 1.3, false},
+             {1.0, 1.0, 1.3, true},  {2.5, 0.4, 1.5, false}, {2.4, 3.6, 1.5, true}};
+enum { LOOKS = sizeof looks / sizeof *looks };
+
+/* Named reliefs from seven places, with both orders of passes. The plain suite takes those of up to 64 texels
+ * a side, SV_TEST_FULL=1 all. */
+static void two_pass_against_rays(void **state)
+{
+    (void)state;
+    static const char *const kind[3] = {"smooth", "stepped", "noisy"};
+    const char *full_run = getenv("SV_TEST_FULL");
+    int largest = full_run && strcmp(full_run, "1") == 0 ? 256 : 64;
+    struct tally sum[3][LOOKS] = {{{0}}}, other = {0};
+    for (int k = 0; k < NAMED_COUNT; k++) {
+        struct sv_relief r;
+        named_relief_make(k, &r);
+        for (int n = 0; n < LOOKS && r.width <= largest && r.height <= largest; n++) {
+            struct view view =
+                view_of(&r, looks[n].angle, looks[n].azimuth, looks[n].away, looks[n].parallel);
+            struct sv_prewarp p = prewarp_of(&r.frame, &view);
+            struct sv_warped plain = warp(&r, &p, 0, 0, false, SV_PREWARP_ORDER_AUTO);
+            struct sv_warped full = warp(&r, &p, 0, 0, true, SV_PREWARP_ORDER_AUTO);
+            struct tally t = {0};
+            compare(&r, &view, &plain, &full, &t);
+            if (getenv("SV_TEST_EACH") && t.seen > 0)
+                print_message(
+                    "    %-24s %d x %d look %d: %.3f / %.3f / %.3f of %ld; holes %ld of %ld, fill off %ld\n",
+                    named_relief_name(k), r.width, r.height, n, 100.0 * t.off / t.seen,
+                    100.0 * t.missing / t.seen, 100.0 * t.extra / t.seen, t.seen, t.holes_right, t.holes,
+                    t.fill_off);
+            long *to = (long *)&sum[named_relief_kind(k)][n], *from = (long *)&t;
+            for (size_t m = 0; m < sizeof t / sizeof *to; m++)
+                to[m] += from[m];
+            enum sv_prewarp_order turned =
+                plain.columns_first ? SV_PREWARP_ROWS_FIRST : SV_PREWARP_COLUMNS_FIRST;
+            sv_warped_finish(&plain);
+            plain = warp(&r, &p, 0, 0, false, turned);
+            compare(&r, &view, &plain, &full, &other);
+            sv_warped_finish(&plain);
+            sv_warped_finish(&full);
+        }
+        sv_relief_finish(&r);
+    }
+    print_message("share of samples, %%: off by more than 8 levels / missing / extra; holes found; fill off "
+                  "by more than 8\n");
+    for (int m = 0; m < 3; m++)
+        for (int n = 0; n < LOOKS; n++) {
+            const struct tally *t = &sum[m][n];
+            double all = t->seen > 0 ? 100.0 / (double)t->seen : 0;
+            print_message("  %-8s %5.1f degrees off f, %-11s %6.3f / %6.3f / %6.3f of %ld; %ld of %ld, %ld\n",
+                          kind[m], sv_degrees(looks[n].angle), looks[n].parallel ? "parallel" : "perspective",
+                          (double)t->off * all, (double)t->missing * all, (double)t->extra * all, t->seen,
+                          t->holes_right, t->holes, t->fill_off);
+        }
+    print_message("  all, the other order of passes: %.3f / %.3f / %.3f\n",
+                  100.0 * (double)other.off / (double)other.seen,
+                  100.0 * (double)other.missing / (double)other.seen,
+                  100.0 * (double)other.extra / (double)other.seen);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(equations_meet_the_rays), cmocka_unit_test(short_form_is_the_printed_two),
+        cmocka_unit_test(printed_four_fails),      cmocka_unit_test(singular_places_are_answered),
+        cmocka_unit_test(flat_reliefs_stay),       cmocka_unit_test(two_pass_against_rays),
+    };
+    (void)size_at;
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
