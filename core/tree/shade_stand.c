@@ -22,7 +22,8 @@ enum { FULL = 65535 };
 
 static const double TEXELS_A_TREE = 16; /* along the mean tree */
 static const double TEXELS_MAX = 384;   /* along the tallest */
-static const double ORDER_HEIGHT = 0.5;
+/* Of 0, 1/4, 1/2 and 1 the best against rays over suns of 5 to 85 degrees. */
+static const double ORDER_HEIGHT = 0.25;
 static const float BARE_WEIGHT =
     0.02f; /* of a texel that the tree itself leaves open: answers for bare parts */
 
