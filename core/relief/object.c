@@ -29,20 +29,20 @@ static double extent(const struct sv_relief_object *object, struct sv_vec3 axis)
     return fabs(sv_dot(sv_sub(object->box_max, object->box_min), axis));
 }
 
-static int texels_along(const struct sv_relief_object *object, struct sv_vec3 axis)
+static int texels_along(const struct sv_relief_object *object, struct sv_vec3 axis, double texel)
 {
     /* A side of exactly n texels must not become n + 1 by rounding. */
-    int n = (int)ceil(extent(object, axis) / object->texel - 1e-6);
-    return n < 1 ? 1 : n > object->resolution ? object->resolution : n;
+    double n = ceil(extent(object, axis) / texel - 1e-6);
+    return n < 1 ? 1 : n > SV_RELIEF_RESOLUTION_MAX ? SV_RELIEF_RESOLUTION_MAX : (int)n;
 }
 
-void sv_relief_object_face_layout(const struct sv_relief_object *object, int face,
+void sv_relief_object_face_layout(const struct sv_relief_object *object, int face, double texel,
                                   struct sv_relief_frame *frame, int *width, int *height)
 {
     struct sv_vec3 middle = sv_scale(sv_add(object->box_min, object->box_max), 0.5);
-    struct sv_vec3 a = sv_scale(FACES[face].a, object->texel), b = sv_scale(FACES[face].b, object->texel);
-    *width = texels_along(object, FACES[face].a);
-    *height = texels_along(object, FACES[face].b);
+    struct sv_vec3 a = sv_scale(FACES[face].a, texel), b = sv_scale(FACES[face].b, texel);
+    *width = texels_along(object, FACES[face].a, texel);
+    *height = texels_along(object, FACES[face].b, texel);
     struct sv_vec3 origin = sv_madd(middle, FACES[face].f, 0.5 * extent(object, FACES[face].f));
     origin = sv_madd(sv_madd(origin, a, -0.5 * *width), b, -0.5 * *height);
     *frame = (struct sv_relief_frame){.origin = origin, .a = a, .b = b, .f = FACES[face].f};
@@ -97,21 +97,34 @@ enum sv_status sv_relief_object_set_box(struct sv_relief_object *object, struct 
     object->box_max = box_max;
     object->resolution = resolution;
     object->texel = longest / resolution;
+    object->hidden_texel = longest / (resolution < SV_RELIEF_HULL_MAX ? resolution : SV_RELIEF_HULL_MAX);
     return SV_OK;
 }
 
-enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv_error *error)
+/* An empty relief where the layout of a face has it. */
+static enum sv_status alloc_face(const struct sv_relief_object *object, int k, double texel,
+                                 struct sv_relief *face, struct sv_error *error)
+{
+    struct sv_relief_frame frame;
+    int width, height;
+    sv_relief_object_face_layout(object, k, texel, &frame, &width, &height);
+    enum sv_status status = sv_relief_alloc(width, height, face, error);
+    if (status == SV_OK) {
+        face->frame = frame;
+        face->cut = (float)(CUT_TEXELS * texel);
+    }
+    return status;
+}
+
+/* Masks of the six faces, which are there, and the hidden ones, empty. */
+static enum sv_status alloc_rest(struct sv_relief_object *object, struct sv_error *error)
 {
     size_t texels = 0;
     enum sv_status status = SV_OK;
     for (int k = 0; status == SV_OK && k < SV_RELIEF_FACES; k++) {
-        struct sv_relief_frame frame;
-        int width, height;
-        sv_relief_object_face_layout(object, k, &frame, &width, &height);
-        status = sv_relief_alloc(width, height, &object->face[k], error);
-        object->face[k].frame = frame;
-        object->face[k].cut = (float)(CUT_TEXELS * object->texel);
-        texels += (size_t)width * (size_t)height;
+        for (int layer = 0; status == SV_OK && layer < SV_RELIEF_HIDDEN; layer++)
+            status = alloc_face(object, k, object->hidden_texel, &object->hidden[layer][k], error);
+        texels += (size_t)object->face[k].width * (size_t)object->face[k].height;
     }
     if (status == SV_OK && !(object->block = malloc(texels)))
         status = sv_fail(error, SV_ENOMEM, "object", "no memory for %zu texels", texels);
@@ -120,26 +133,29 @@ enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv
     return status;
 }
 
+enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv_error *error)
+{
+    enum sv_status status = SV_OK;
+    for (int k = 0; status == SV_OK && k < SV_RELIEF_FACES; k++)
+        status = alloc_face(object, k, object->texel, &object->face[k], error);
+    return status == SV_OK ? alloc_rest(object, error) : status;
+}
+
 static enum sv_status bake_faces(const struct sv_tree_mesh *mesh, struct sv_relief_object *object,
                                  struct sv_error *error)
 {
-    size_t texels = 0;
     for (int k = 0; k < SV_RELIEF_FACES; k++) {
         struct sv_relief_frame frame;
         struct sv_relief_bake_options options = {.samples = BAKE_SAMPLES,
                                                  .front_m = 0.5 * object->texel,
                                                  .depth_m = extent(object, FACES[k].f) + 0.5 * object->texel,
                                                  .cut = (float)(CUT_TEXELS * object->texel)};
-        sv_relief_object_face_layout(object, k, &frame, &options.width, &options.height);
+        sv_relief_object_face_layout(object, k, object->texel, &frame, &options.width, &options.height);
         enum sv_status status = sv_relief_from_mesh(mesh, &frame, &options, &object->face[k], error);
         if (status != SV_OK)
             return status;
-        texels += (size_t)options.width * (size_t)options.height;
     }
-    if (!(object->block = malloc(texels)))
-        return sv_fail(error, SV_ENOMEM, "object", "no memory for %zu texels", texels);
-    place_masks(object);
-    return SV_OK;
+    return alloc_rest(object, error);
 }
 
 enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolution,
@@ -154,17 +170,22 @@ enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolu
         status = bake_faces(mesh, &made, error);
     if (status == SV_OK) {
         sv_relief_object_choose(&made);
-        *object = made;
-    } else {
-        sv_relief_object_finish(&made);
+        status = sv_relief_object_hide(&made, error);
     }
+    if (status == SV_OK)
+        *object = made;
+    else
+        sv_relief_object_finish(&made);
     return status;
 }
 
 void sv_relief_object_finish(struct sv_relief_object *object)
 {
-    for (int k = 0; k < SV_RELIEF_FACES; k++)
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
         sv_relief_finish(&object->face[k]);
+        for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++)
+            sv_relief_finish(&object->hidden[layer][k]);
+    }
     free(object->block);
     *object = (struct sv_relief_object){0};
 }

@@ -15,7 +15,13 @@
 #include "core/relief/warp.h"
 #include "core/tree/mesh.h"
 
-enum { SV_RELIEF_FACES = 6, SV_RELIEF_RESOLUTION_MIN = 8, SV_RELIEF_RESOLUTION_MAX = 2048 };
+enum {
+    SV_RELIEF_FACES = 6,
+    SV_RELIEF_RESOLUTION_MIN = 8,
+    SV_RELIEF_RESOLUTION_MAX = 2048,
+    SV_RELIEF_HULL_MAX = 256,
+    SV_RELIEF_HIDDEN = 3
+};
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
 #define SV_RELIEF_OBJECT_KIND "relief1"
 
@@ -24,6 +30,10 @@ struct sv_relief_object {
     struct sv_vec3 box_min, box_max;
     int resolution;
     double texel; /* side of a texel, model space */
+    /* What no face shows, further surfaces behind each (object_hull.c): texels of hidden_texel, the others'
+     * size up to a resolution of SV_RELIEF_HULL_MAX; empty where nothing is hidden. */
+    struct sv_relief hidden[SV_RELIEF_HIDDEN][SV_RELIEF_FACES];
+    double hidden_texel;
     /* A byte a texel: 0 where another face shows the same surface better (sv_relief_object_choose), else the
      * face is to be warped there. In `block`. */
     uint8_t *keep[SV_RELIEF_FACES];
@@ -50,19 +60,18 @@ SV_MUST_CHECK enum sv_status sv_relief_object_obtain(const struct sv_tree_mesh *
                                                      int resolution, struct sv_store *store,
                                                      struct sv_relief_object *object, struct sv_error *error);
 
-/* The parts of a bake, for those who bring their own pixels: box, resolution and texel from a box (`code`
- * when one is not finite, empty or out of range); arrays of that layout (faces empty); which texels are kept,
- * once the faces hold something. alloc and choose need the ones before. */
+/* The parts of a bake, for those who bring their own pixels: box, resolution and texels from a box (`code`
+ * when one is not finite, empty or out of range); arrays of that layout (faces empty); then, once the faces
+ * hold something, which of their texels are kept, and what none of them shows. */
 SV_MUST_CHECK enum sv_status sv_relief_object_set_box(struct sv_relief_object *object, struct sv_vec3 box_min,
                                                       struct sv_vec3 box_max, int resolution,
                                                       enum sv_status code, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv_error *error);
 void sv_relief_object_choose(struct sv_relief_object *object);
+SV_MUST_CHECK enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_error *error);
 
-/* Frame and size that a face has by box_min, box_max, resolution and texel of the object (nothing else of it
- * is read).
- */
-void sv_relief_object_face_layout(const struct sv_relief_object *object, int face,
+/* Frame and size of a face in texels of a given side; only the object's box is read. */
+void sv_relief_object_face_layout(const struct sv_relief_object *object, int face, double texel,
                                   struct sv_relief_frame *frame, int *width, int *height);
 /* A place of the world in model space. */
 struct sv_vec3 sv_relief_place_to_model(const struct sv_relief_place *place, struct sv_vec3 world);

@@ -14,14 +14,17 @@
 #include "core/base/frames.h"
 #include "core/relief/object_shadow.h"
 
+/* Six faces, then what is hidden behind each. */
+enum { SHEETS = SV_RELIEF_SHEETS };
+
 struct sv_relief_look {
     const struct sv_relief_object *object;
-    struct sv_relief face[SV_RELIEF_FACES]; /* borrows displ and normal; color is the masked copy */
-    uint8_t (*seen[SV_RELIEF_FACES])[4];    /* lit colours */
-    uint8_t *lit[SV_RELIEF_FACES];
-    const uint8_t (*color[SV_RELIEF_FACES])[4]; /* what the last call of _light made: seen or albedo */
+    struct sv_relief face[SHEETS]; /* borrows displ and normal; color is the masked copy */
+    uint8_t (*seen[SHEETS])[4];    /* lit colours */
+    uint8_t *lit[SHEETS];
+    const uint8_t (*color[SHEETS])[4]; /* what the last call of _light made: seen or albedo */
     struct sv_relief_shade *shade;
-    struct sv_warp_source source[SV_RELIEF_FACES];
+    struct sv_warp_source source[SHEETS];
     void *block;
 };
 
@@ -32,24 +35,24 @@ static size_t texels_of(const struct sv_relief *face)
 
 static void borrow_faces(struct sv_relief_look *look)
 {
-    const struct sv_relief_object *object = look->object;
     uint8_t *at = look->block;
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        size_t texels = texels_of(&object->face[k]);
-        look->face[k] = object->face[k];
+    for (int k = 0; k < SHEETS; k++) {
+        const struct sv_relief *from = sv_relief_sheet(look->object, k);
+        size_t texels = texels_of(from);
+        look->face[k] = *from;
         look->face[k].block = NULL;
         look->face[k].color = (uint8_t(*)[4])(void *)at;
         look->seen[k] = look->face[k].color + texels;
         at += 8 * texels;
-        memcpy(look->face[k].color, object->face[k].color, 4 * texels);
-        for (size_t i = 0; i < texels; i++)
-            if (!object->keep[k][i])
+        memcpy(look->face[k].color, from->color, 4 * texels);
+        for (size_t i = 0; k < SV_RELIEF_FACES && i < texels; i++)
+            if (!look->object->keep[k][i])
                 look->face[k].color[i][3] = 0;
         look->color[k] = (const uint8_t(*)[4])look->face[k].color;
     }
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+    for (int k = 0; k < SHEETS; k++) {
         look->lit[k] = at;
-        at += texels_of(&object->face[k]);
+        at += texels_of(&look->face[k]);
     }
 }
 
@@ -57,8 +60,8 @@ enum sv_status sv_relief_look_create(const struct sv_relief_object *object, stru
                                      struct sv_error *error)
 {
     size_t texels = 0;
-    for (int k = 0; k < SV_RELIEF_FACES; k++)
-        texels += texels_of(&object->face[k]);
+    for (int k = 0; k < SHEETS; k++)
+        texels += texels_of(sv_relief_sheet(object, k));
     struct sv_relief_look *made = calloc(1, sizeof *made);
     void *block = malloc(texels * 9);
     if (!made || !block) {
@@ -145,10 +148,10 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
     double shade_height = (options->shade_height_m - place->place.z) / place->height_m;
     double fade = fade_height(look->object);
     bool shaded = options->lit && shade_height + fade > look->object->box_min.z;
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        if (!(faces >> k & 1))
-            continue;
+    for (int k = 0; k < SHEETS; k++) {
         const struct sv_relief *face = &look->face[k];
+        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count)
+            continue;
         if (!options->lit) {
             look->color[k] = (const uint8_t(*)[4])face->color;
             continue;
@@ -170,6 +173,16 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
     return SV_OK;
 }
 
+static struct sv_relief_frame world_frame(const struct sv_relief_frame *m,
+                                          const struct sv_relief_place *place)
+{
+    double h = place->height_m, r = place->heading_rad;
+    return (struct sv_relief_frame){.origin = sv_madd(place->place, sv_rotate_clockwise(m->origin, r), h),
+                                    .a = sv_scale(sv_rotate_clockwise(m->a, r), h),
+                                    .b = sv_scale(sv_rotate_clockwise(m->b, r), h),
+                                    .f = sv_rotate_clockwise(m->f, r)};
+}
+
 enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
                                    const struct sv_camera *camera, double shift_x_px, double shift_y_px,
                                    unsigned faces, struct sv_warp_buffer *buffer,
@@ -181,11 +194,11 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
         return status;
     unsigned count = 0;
     sv_warp_clear(buffer);
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        if (!(faces >> k & 1))
-            continue;
+    for (int k = 0; k < SHEETS; k++) {
         const struct sv_relief *face = &look->face[k];
-        struct sv_relief_frame frame = sv_relief_object_frame(look->object, k, place);
+        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count)
+            continue;
+        struct sv_relief_frame frame = world_frame(&face->frame, place);
         struct sv_warp_source *source = &look->source[count];
         *source = (struct sv_warp_source){.width = face->width,
                                           .height = face->height,

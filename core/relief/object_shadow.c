@@ -34,12 +34,12 @@ static struct sv_vec3 in_frame(const struct sv_relief_frame *frame, struct sv_ve
 
 enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade, struct sv_vec3 to_sun,
                                      enum sv_relief_shadow_form form, unsigned faces,
-                                     uint8_t *const lit[SV_RELIEF_FACES], struct sv_error *error)
+                                     uint8_t *const lit[SV_RELIEF_SHEETS], struct sv_error *error)
 {
     enum sv_status status = SV_OK;
-    for (int k = 0; status == SV_OK && k < SV_RELIEF_FACES; k++) {
-        const struct sv_relief *face = &shade->object->face[k];
-        if (!(faces >> k & 1))
+    for (int k = 0; status == SV_OK && k < SV_RELIEF_SHEETS; k++) {
+        const struct sv_relief *face = sv_relief_sheet(shade->object, k);
+        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count)
             continue;
         struct sv_vec3 travel = in_frame(&face->frame, sv_scale(to_sun, -1));
         if (form == SV_RELIEF_SHADOW_LINE_SWEEP) {
@@ -48,8 +48,8 @@ enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade, struct sv_ve
         } else {
             struct sv_row_front front = {.width = face->width,
                                          .height = face->height,
-                                         .dx = shade->object->texel,
-                                         .dy = shade->object->texel,
+                                         .dx = sv_length(face->frame.a),
+                                         .dy = sv_length(face->frame.b),
                                          .travel = travel,
                                          .height_m = face->displ,
                                          .bias_m = (float)shade->object->texel};

@@ -132,7 +132,7 @@ enum sv_status sv_relief_object_load(const void *data, size_t bytes, struct sv_r
     for (int k = 0; k < SV_RELIEF_FACES; k++) {
         struct sv_relief_frame frame;
         int width, height;
-        sv_relief_object_face_layout(&made, k, &frame, &width, &height);
+        sv_relief_object_face_layout(&made, k, made.texel, &frame, &width, &height);
         expected += (size_t)width * (size_t)height * TEXEL_BYTES;
     }
     const unsigned char *at = (const unsigned char *)data + sizeof h;
@@ -153,6 +153,8 @@ enum sv_status sv_relief_object_load(const void *data, size_t bytes, struct sv_r
         sv_relief_measure(r);
         status = check_face(&made, k, error);
     }
+    if (status == SV_OK)
+        status = sv_relief_object_hide(&made, error);
     if (status == SV_OK)
         *object = made;
     else
