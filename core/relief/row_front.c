@@ -50,14 +50,39 @@ static void cross_scalar(int count, const float *before, const float *after, flo
         ray[i] = larger(between(before[i], after[i], t, nearer[i]) + lift, ray[i]);
 }
 
+/* What the two rays beside sample i bring: their mean at the sample, but no more than own height + the mean
+ * of how deep the rays' own surface lies in shadow. The first alone would darken the foot of a wall that runs
+ * along the light (its kink lifts the mean), the second alone would follow kinks that the shadow does not
+ * have. */
+static inline float arrive(const struct sv_front_row *row, int i, float f, float left, float right)
+{
+    const float *c = row->caster;
+    float in = between(row->ray[i], row->ray[i - 1], f, f < 0.5f ? row->ray[i] : row->ray[i - 1]) - row->lift;
+    float surface = right + (left - right) * f, relative = in + (c[i] - surface);
+    bool known = (left < right ? left : right) > SV_FRONT_REAL && c[i] > SV_FRONT_REAL;
+    return known && relative < in ? relative : in;
+}
+
+/* The sample's own ray through the row before and half way to it, exactly. */
+static inline float arrive_near(const struct sv_front_row *row, int i)
+{
+    const float *c = row->caster, *b = row->before;
+    int n = i + row->side;
+    float slant = row->slant, half = 0.5f * slant;
+    float far = between(b[i], b[n], slant, slant < 0.5f ? b[i] : b[n]);
+    float middle = between(between(c[i], c[n], half, c[i]), between(b[i], b[n], half, b[i]), 0.5f, far);
+    return larger(far - row->drop, middle - 0.5f * row->drop);
+}
+
 static void row_scalar(const struct sv_front_row *row)
 {
     const float f = row->fraction, lift = row->lift;
-    const float *ray = row->ray, *caster = row->caster;
-    const float *nearer_ray = f < 0.5f ? ray : ray - 1, *nearer = f < 0.5f ? caster : caster + 1;
+    const float *ray = row->ray, *c = row->caster;
     for (int i = 0; i < row->count; i++) {
-        float in = between(ray[i], ray[i - 1], f, nearer_ray[i]) - lift;
-        row->ray_next[i] = larger(between(caster[i], caster[i + 1], f, nearer[i]) + lift, ray[i]);
+        float left = between(c[i - 1], c[i], f, f < 0.5f ? c[i - 1] : c[i]);
+        float right = between(c[i], c[i + 1], f, f < 0.5f ? c[i] : c[i + 1]);
+        float in = larger(arrive(row, i, f, left, right), arrive_near(row, i));
+        row->ray_next[i] = larger(right + lift, ray[i]);
         if (row->initial)
             in = larger(in, row->initial[i]);
         in = larger(in, SV_ROW_FRONT_NONE);
@@ -167,8 +192,22 @@ static void march_step(struct march *m, const float *height, const float *initia
     }
     float f = (float)(at - whole), lift = (float)((double)phase * m->drop);
     float *ray = m->ray[m->now] + m->origin - s, *next = m->ray[!m->now] + m->origin - s;
-    struct sv_front_row row = {
-        m->count, own, caster, initial ? m->shadow : NULL, ray, next, f, lift, m->bias, out, incoming, lit};
+    struct sv_front_row row = {.count = m->count,
+                               .own = own,
+                               .caster = caster,
+                               .before = before,
+                               .initial = initial ? m->shadow : NULL,
+                               .ray = ray,
+                               .ray_next = next,
+                               .side = m->shift > 0 ? -1 : 1,
+                               .slant = (float)fabs(m->shift),
+                               .fraction = f,
+                               .lift = lift,
+                               .drop = (float)m->drop,
+                               .bias = m->bias,
+                               .height = out,
+                               .incoming = incoming,
+                               .lit = lit};
     m->kernels->row(&row);
     /* the ray before the first sample: only that sample is beside it */
     next[-1] =

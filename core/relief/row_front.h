@@ -1,14 +1,17 @@
 /* row_front.h - parallel light over a field of heights, by a front of shadow heights that is carried along
  * the light (algorithms.md 3.2; a restatement of paper 1, 3.3.1, that needs no gathers).
  *
- * P(x, y) is the height of the shadow surface at a sample: below it the light is hidden.
- *     in = the greatest of all h' - distance tan(theta) towards the light,  P = max(h, in),  dark iff h < in
- * - bias The front marches along the light's major axis, a row of samples at a time. Carrying P itself and
- * interpolating it again at every row would blur it by sqrt(m (1 - m) rows) samples and let a thin thing's
- * shadow fade with distance, so the front is carried on the SHEARED grid: ray k stands at x = k + m r in row
- * r, m the lateral shift a row, |m| <= 1. Heights are interpolated once, where the ray crosses a row of
- * samples and where it crosses a column of them; a sample reads the two rays beside it once. m r = s + f is
- * the same for a whole row, so that each interpolation is two unaligned loads (own derivation).
+ * P(x, y) is the height of the shadow surface at a sample: below it the light is hidden. `in` is the greatest
+ * height towards the light less the fall of the light on the way, P = max(h, in), dark iff h < in - bias.
+ *
+ * The front marches along the light's major axis, a row of samples at a time, m the lateral shift a row, |m|
+ * <= 1. Carrying P itself and interpolating it again at every row (3.2 as written) blurs it by sqrt(m (1 - m)
+ * rows) samples, so the front is carried on the SHEARED grid: ray k stands at x = k + m r in row r. Heights
+ * are interpolated once, where a ray crosses a row of samples or a column of them; a sample takes the mean of
+ * the two rays beside it, in the smaller of two readings (of shadow height, and of depth below it), and to
+ * that its own ray through the row before, which is exact. m r = s + f is the same for a whole row, so that
+ * each interpolation is two unaligned loads (own derivation; test_self_shadow.c has the shares of samples
+ * that differ from a ray march).
  *
  * drop, the fall of the light a row, is formed from l itself (never from a tangent: l.z = 0 gives drop 0; l
  * straight down, or so steep that the drop a row exceeds all heights, is answered before: in = none, P = h).

@@ -60,47 +60,77 @@ static inline void store_lit(__m256 dark, uint8_t *lit)
     _mm_storel_epi64((__m128i *)(void *)lit, _mm_andnot_si128(b, _mm_set1_epi8(-1)));
 }
 
-static void row_avx2(const struct sv_front_row *row)
+/* arrive() of row_front.c for eight samples. */
+static inline __m256 arrive(const struct sv_front_row *row, int i, __m256 f, __m256 left, __m256 right)
 {
-    const __m256 f = _mm256_set1_ps(row->fraction), lift = _mm256_set1_ps(row->lift),
-                 bias = _mm256_set1_ps(row->bias), none = _mm256_set1_ps(SV_ROW_FRONT_NONE),
-                 real = _mm256_set1_ps(SV_FRONT_REAL);
-    const float *ray = row->ray, *caster = row->caster;
-    const float *nearer_ray = row->fraction < 0.5f ? ray : ray - 1,
-                *nearer = row->fraction < 0.5f ? caster : caster + 1;
+    const __m256 real = _mm256_set1_ps(SV_FRONT_REAL);
+    __m256 r = _mm256_loadu_ps(row->ray + i), l = _mm256_loadu_ps(row->ray + i - 1),
+           c = _mm256_loadu_ps(row->caster + i);
+    __m256 in = _mm256_sub_ps(between(r, l, f, row->fraction < 0.5f ? r : l), _mm256_set1_ps(row->lift));
+    __m256 surface = _mm256_add_ps(right, _mm256_mul_ps(_mm256_sub_ps(left, right), f));
+    __m256 relative = _mm256_add_ps(in, _mm256_sub_ps(c, surface));
+    __m256 known = _mm256_and_ps(_mm256_cmp_ps(_mm256_min_ps(left, right), real, _CMP_GT_OQ),
+                                 _mm256_cmp_ps(c, real, _CMP_GT_OQ));
+    return _mm256_blendv_ps(in, _mm256_min_ps(relative, in), known);
+}
+
+/* arrive_near() of row_front.c. */
+static inline __m256 arrive_near(const struct sv_front_row *row, int i)
+{
+    const __m256 slant = _mm256_set1_ps(row->slant), half = _mm256_set1_ps(0.5f * row->slant);
+    __m256 c = _mm256_loadu_ps(row->caster + i), b = _mm256_loadu_ps(row->before + i),
+           cn = _mm256_loadu_ps(row->caster + i + row->side),
+           bn = _mm256_loadu_ps(row->before + i + row->side);
+    __m256 far = between(b, bn, slant, row->slant < 0.5f ? b : bn);
+    __m256 middle = between(between(c, cn, half, c), between(b, bn, half, b), _mm256_set1_ps(0.5f), far);
+    return _mm256_max_ps(_mm256_sub_ps(far, _mm256_set1_ps(row->drop)),
+                         _mm256_sub_ps(middle, _mm256_set1_ps(0.5f * row->drop)));
+}
+
+/* Samples i .. i + 7. */
+static inline void row_block(const struct sv_front_row *row, int i)
+{
+    const __m256 f = _mm256_set1_ps(row->fraction), real = _mm256_set1_ps(SV_FRONT_REAL);
+    __m256 cl = _mm256_loadu_ps(row->caster + i - 1), c = _mm256_loadu_ps(row->caster + i),
+           cr = _mm256_loadu_ps(row->caster + i + 1);
+    __m256 left = between(cl, c, f, row->fraction < 0.5f ? cl : c),
+           right = between(c, cr, f, row->fraction < 0.5f ? c : cr);
+    __m256 in = _mm256_max_ps(arrive(row, i, f, left, right), arrive_near(row, i));
+    _mm256_storeu_ps(row->ray_next + i, _mm256_max_ps(_mm256_add_ps(right, _mm256_set1_ps(row->lift)),
+                                                      _mm256_loadu_ps(row->ray + i)));
+    if (row->initial)
+        in = _mm256_max_ps(in, _mm256_loadu_ps(row->initial + i));
+    in = _mm256_max_ps(in, _mm256_set1_ps(SV_ROW_FRONT_NONE));
+    __m256 own = _mm256_loadu_ps(row->own + i);
+    if (row->incoming)
+        _mm256_storeu_ps(row->incoming + i, in);
+    if (row->height)
+        _mm256_storeu_ps(row->height + i, _mm256_max_ps(own, in));
+    if (row->lit)
+        store_lit(_mm256_and_ps(_mm256_cmp_ps(own, real, _CMP_GT_OQ),
+                                _mm256_cmp_ps(own, _mm256_sub_ps(in, _mm256_set1_ps(row->bias)), _CMP_LT_OQ)),
+                  row->lit + i);
+}
+
+static void row_avx2(const struct sv_front_row *given)
+{
+    const struct sv_front_row row = *given; /* a copy that no store can touch */
     int i = 0;
-    for (; i + 8 <= row->count; i += 8) {
-        __m256 r = _mm256_loadu_ps(ray + i);
-        __m256 in =
-            _mm256_sub_ps(between(r, _mm256_loadu_ps(ray + i - 1), f, _mm256_loadu_ps(nearer_ray + i)), lift);
-        __m256 h = between(_mm256_loadu_ps(caster + i), _mm256_loadu_ps(caster + i + 1), f,
-                           _mm256_loadu_ps(nearer + i));
-        _mm256_storeu_ps(row->ray_next + i, _mm256_max_ps(_mm256_add_ps(h, lift), r));
-        if (row->initial)
-            in = _mm256_max_ps(in, _mm256_loadu_ps(row->initial + i));
-        in = _mm256_max_ps(in, none);
-        __m256 own = _mm256_loadu_ps(row->own + i);
-        if (row->incoming)
-            _mm256_storeu_ps(row->incoming + i, in);
-        if (row->height)
-            _mm256_storeu_ps(row->height + i, _mm256_max_ps(own, in));
-        if (row->lit)
-            store_lit(_mm256_and_ps(_mm256_cmp_ps(own, real, _CMP_GT_OQ),
-                                    _mm256_cmp_ps(own, _mm256_sub_ps(in, bias), _CMP_LT_OQ)),
-                      row->lit + i);
-    }
-    if (i == row->count)
+    for (; i + 8 <= row.count; i += 8)
+        row_block(&row, i);
+    if (i == row.count)
         return;
-    struct sv_front_row rest = *row;
+    struct sv_front_row rest = row;
     rest.count -= i;
     rest.own += i;
     rest.caster += i;
-    rest.initial = row->initial ? row->initial + i : NULL;
+    rest.before += i;
+    rest.initial = row.initial ? row.initial + i : NULL;
     rest.ray += i;
     rest.ray_next += i;
-    rest.height = row->height ? row->height + i : NULL;
-    rest.incoming = row->incoming ? row->incoming + i : NULL;
-    rest.lit = row->lit ? row->lit + i : NULL;
+    rest.height = row.height ? row.height + i : NULL;
+    rest.incoming = row.incoming ? row.incoming + i : NULL;
+    rest.lit = row.lit ? row.lit + i : NULL;
     sv_front_scalar.row(&rest);
 }
 

@@ -15,11 +15,14 @@
 struct sv_front_row {
     int count;            /* samples */
     const float *own;     /* heights; SV_FRONT_VOID: none */
-    const float *caster;  /* max(own, initial); [count] is readable */
+    const float *caster;  /* max(own, initial); [-1] and [count] are readable */
+    const float *before;  /* caster of the row before (nearer to the light), likewise */
     const float *initial; /* or NULL: shadow heights, SV_FRONT_VOID: none */
     const float *ray;     /* ray[-1 .. count - 1] */
     float *ray_next;      /* [0 .. count - 1]; not ray */
-    float fraction, lift, bias;
+    int side;             /* -1 or 1: where the light comes from, across */
+    float slant;          /* |m| */
+    float fraction, lift, drop, bias;
     float *height, *incoming; /* or NULL */
     uint8_t *lit;             /* or NULL */
 };
