@@ -105,6 +105,8 @@ static cJSON *plan(const struct sv_resolved_view *resolved, bool *good)
     sv_api_json_add_bool(object, "raycast", p->raycast, good);
     sv_api_json_add_number(object, "terrain_error_px", p->terrain_error_px, good);
     if (!p->raycast) {
+        sv_api_json_add_number(object, "relief_texel_px", p->relief_texel_px,
+                               good); /* of objects; 0: polygons */
         sv_api_json_add_number(object, "polygon_px", p->polygon_px, good);
         sv_api_json_add_number(object, "triangle_budget", p->triangle_budget, good);
     }

@@ -1,5 +1,6 @@
-/* draw_object_mesh.c - see draw_object_mesh.h. One call a material and object: near objects are few. Texture
- * level 0 and the alpha rule of mesh.h, as trees and the ray-cast truth have them. */
+/* draw_object_mesh.c - see draw_object_mesh.h. One call a material and object: near objects are few. Masked
+ * materials are read at level 0, the alpha rule of mesh.h, as trees and the ray-cast truth have it; the
+ * others by mip levels, which is what the truth's many samples come to, and what reliefs hold. */
 #include "core/relief/draw_object_mesh.h"
 
 #include <math.h>
@@ -46,11 +47,15 @@ struct sv_object_meshes {
 static GLuint make_texture(int width, int height, const void *rgba)
 {
     GLuint name;
+    int levels = 1;
+    while (levels < 16 && (width >> levels || height >> levels))
+        levels++;
     gl.GenTextures(1, &name);
     gl.BindTexture(GL_TEXTURE_2D, name);
-    gl.TexStorage2D(GL_TEXTURE_2D, 1, GL_SRGB8_ALPHA8, width, height);
+    gl.TexStorage2D(GL_TEXTURE_2D, levels, GL_SRGB8_ALPHA8, width, height);
     gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    gl.GenerateMipmap(GL_TEXTURE_2D);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);

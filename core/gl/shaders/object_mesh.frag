@@ -1,4 +1,4 @@
-// object_mesh.frag - an object's polygons: level 0, alpha test and light as the ray-cast truth has them, in the shadow that the
+// object_mesh.frag - an object's polygons: alpha test and light as the ray-cast truth has them, in the shadow that the
 // object throws on itself and below the height that the terrain shades.
 #include "light.glsl"
 
@@ -38,10 +38,12 @@ float sun_seen(vec3 p, float back)
 
 void main()
 {
-    vec4 rgba = textureLod(albedo, uv_occlusion.xy, 0.0) * base_color;
 #ifdef MASKED
+    vec4 rgba = textureLod(albedo, uv_occlusion.xy, 0.0) * base_color;
     if (rgba.a < alpha_cutoff)
         discard;
+#else
+    vec4 rgba = texture(albedo, uv_occlusion.xy, -0.5) * base_color; // half a level sharper: levels blur what is seen at a slant
 #endif
     vec3 to_viewer = frame_to_viewer(local);
     vec3 n = normalize(normal);
