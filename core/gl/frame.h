@@ -9,7 +9,7 @@
 #include "core/scene/light.h"
 #include "core/view/camera.h"
 
-enum { SV_GL_SHADOW_WINDOWS = 10, SV_GL_SHADOW_SIDE = 1024 };
+enum { SV_GL_SHADOW_WINDOWS = 6, SV_GL_SHADOW_SIDE = 1024 };
 
 /* Sunlight on the ground, as core/terrain/draw_shadow.h made it: layers of an R8 texture array, each over a
  * square, SV_GL_SHADOW_SIDE texels a side, the coarsest first. */

@@ -19,7 +19,7 @@
 enum { UNIT_ALBEDO, UNIT_NORMAL, UNIT_DETAIL, UNIT_COUNT, UNIT_SHADOW = UNIT_COUNT };
 
 /* Uniform locations of terrain.frag. */
-enum { AT_ALBEDO_UV, AT_NORMAL_UV, AT_TEXEL_M, AT_ID, AT_DETAIL_EYE, AT_SHADOW_COUNT = 7, AT_SHADOW_WINDOW };
+enum { AT_ALBEDO_UV, AT_NORMAL_UV, AT_TEXEL_M, AT_ID, AT_DETAIL_EYE, AT_SHADOW_WINDOW = 7 };
 
 /* Triangles by how many scales of the ground's detail can be seen in them, from all to none. Each zone has a
  * program, since llvmpipe pays for both sides of a branch. */
@@ -122,15 +122,18 @@ static double texel_m(const struct sv_terrain *terrain)
     return sqrt(x * y);
 }
 
+static const char shadow_defines[] =
+    "#define SHADOWS 1\n#define SHADOW_SIDE 1024.0\n#define SHADOW_WINDOWS 6\n";
+
 static enum sv_status make_programs(struct sv_terrain_draw *draw, struct sv_error *error)
 {
     int broad = sv_terrain_detail_end_m(SV_DETAIL_BROAD, texel_m(draw->terrain)) > 0;
     enum sv_status status = SV_OK;
     for (int k = 0; k < 2 * ZONE_COUNT && !status; k++) {
-        char defines[96];
+        char defines[160];
         int zone = k / 2, shadows = k % 2;
         snprintf(defines, sizeof defines, "#define DETAIL_SCALES %d\n#define DETAIL_BROAD %d\n%s",
-                 SV_DETAIL_COUNT - zone, broad, shadows ? "#define SHADOWS\n" : "");
+                 SV_DETAIL_COUNT - zone, broad, shadows ? shadow_defines : "");
         status = sv_gl_program_create("terrain.vert", "terrain.frag", defines, &draw->programs[shadows][zone],
                                       error);
     }
@@ -204,15 +207,15 @@ static void set_uniforms(const struct sv_terrain *terrain, struct sv_vec3 eye)
 static void set_shadows(const struct sv_gl_shadows *shadows, struct sv_vec3 eye)
 {
     float window[SV_GL_SHADOW_WINDOWS][4];
-    for (int k = 0; k < shadows->count; k++) {
+    for (int k = 0; k < SV_GL_SHADOW_WINDOWS; k++) {
         const struct sv_gl_shadow_window *w = &shadows->window[k];
-        window[k][0] = (float)((eye.x - w->x0) / w->side_m - 0.5);
-        window[k][1] = (float)((eye.y - w->y0) / w->side_m - 0.5);
-        window[k][2] = (float)(1 / w->side_m);
-        window[k][3] = (float)w->layer;
+        bool there = k < shadows->count;
+        window[k][0] = there ? (float)((eye.x - w->x0) / w->side_m - 0.5) : 9;
+        window[k][1] = there ? (float)((eye.y - w->y0) / w->side_m - 0.5) : 9;
+        window[k][2] = there ? (float)(1 / w->side_m) : 0;
+        window[k][3] = there ? (float)w->layer : 0;
     }
-    gl.Uniform1i(AT_SHADOW_COUNT, shadows->count);
-    gl.Uniform4fv(AT_SHADOW_WINDOW, shadows->count, window[0]);
+    gl.Uniform4fv(AT_SHADOW_WINDOW, SV_GL_SHADOW_WINDOWS, window[0]);
 }
 
 /* The depth (m) at which each zone but the last ends; orthographic pixels have one size everywhere. */

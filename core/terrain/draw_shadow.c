@@ -23,7 +23,6 @@ struct sv_shadow_draw {
     struct sv_shadow_window window; /* the one that is being filled; its light is a layer's */
     uint8_t *own_light;
     struct layer layers[SV_SHADOW_LAYERS];
-    uint8_t *mips; /* TEXELS / 4 and a third of it */
     uint64_t clock;
     GLuint texture;
 };
@@ -32,10 +31,10 @@ static void make_texture(struct sv_shadow_draw *draw)
 {
     gl.GenTextures(1, &draw->texture);
     gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->texture);
-    gl.TexStorage3D(GL_TEXTURE_2D_ARRAY, SV_SHADOW_MIP_LEVELS, GL_R8, SIDE, SIDE, SV_SHADOW_LAYERS);
+    gl.TexStorage3D(GL_TEXTURE_2D_ARRAY, 1, GL_R8, SIDE, SIDE, SV_SHADOW_LAYERS);
     gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+    gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     gl.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     gl.BindTexture(GL_TEXTURE_2D_ARRAY, 0);
 }
@@ -47,8 +46,7 @@ enum sv_status sv_shadow_draw_create(struct sv_shadow_draw **draw, struct sv_err
         return sv_fail(error, SV_ENOMEM, NULL, "no memory for windows of shadows");
     enum sv_status status = sv_shadow_window_alloc(&made->window, error);
     made->own_light = made->window.light;
-    made->mips = malloc(TEXELS / 2);
-    bool all = made->mips != NULL;
+    bool all = true;
     for (int k = 0; k < SV_SHADOW_LAYERS; k++) {
         made->layers[k].light = malloc(TEXELS);
         all = all && made->layers[k].light;
@@ -77,35 +75,14 @@ void sv_shadow_draw_destroy(struct sv_shadow_draw *draw)
     sv_shadow_window_finish(&draw->window);
     for (int k = 0; k < SV_SHADOW_LAYERS; k++)
         free(draw->layers[k].light);
-    free(draw->mips);
     free(draw);
 }
 
-/* ---- mip levels ---- */
-
-/* Means of 2 x 2; two passes of rounded bytes, the second one down, so that there is no drift. */
-static void halve(const uint8_t *from, int side, uint8_t *to)
+static void upload(const struct sv_shadow_draw *draw, int layer)
 {
-    for (int j = 0; j < side / 2; j++) {
-        const uint8_t *p = from + (size_t)(2 * j) * (size_t)side, *q = p + side;
-        uint8_t *out = to + (size_t)j * (size_t)(side / 2);
-        for (int i = 0; i < side / 2; i++)
-            out[i] = (uint8_t)((p[2 * i] + p[2 * i + 1] + q[2 * i] + q[2 * i + 1] + 2) >> 2);
-    }
-}
-
-static void upload(struct sv_shadow_draw *draw, int layer)
-{
-    const uint8_t *from = draw->layers[layer].light;
-    uint8_t *to = draw->mips;
     gl.BindTexture(GL_TEXTURE_2D_ARRAY, draw->texture);
-    for (int level = 0, side = SIDE; level < SV_SHADOW_MIP_LEVELS; level++, side /= 2) {
-        gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, side, side, 1, GL_RED, GL_UNSIGNED_BYTE,
-                         from);
-        halve(from, side, to);
-        from = to;
-        to += (side / 2) * (side / 2);
-    }
+    gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, SIDE, SIDE, 1, GL_RED, GL_UNSIGNED_BYTE,
+                     draw->layers[layer].light);
     gl.BindTexture(GL_TEXTURE_2D_ARRAY, 0);
 }
 
@@ -136,6 +113,29 @@ static int oldest(const struct sv_shadow_draw *draw)
     return found;
 }
 
+/* The outermost window, four times as coarse as the field's own: for pixels that are far larger than its
+ * texels. */
+static void shrink(struct sv_shadow_draw *draw, const struct sv_shadow_scene *scene,
+                   const struct sv_shadow_place *place, int finer, int layer)
+{
+    enum { FOUR = SV_SHADOW_OUTER_RATIO, FIRST = (SIDE - SIDE / FOUR) / 2 };
+    struct layer *l = &draw->layers[layer];
+    const uint8_t *from = draw->layers[finer].light;
+    memset(l->light, 255, TEXELS);
+    for (int j = 0; j < SIDE / FOUR; j++)
+        for (int i = 0; i < SIDE / FOUR; i++) {
+            unsigned sum = FOUR * FOUR / 2;
+            for (int b = 0; b < FOUR; b++)
+                for (int a = 0; a < FOUR; a++)
+                    sum += from[(size_t)(FOUR * j + b) * SIDE + (size_t)(FOUR * i + a)];
+            l->light[(size_t)(FIRST + j) * SIDE + (size_t)(FIRST + i)] = (uint8_t)(sum / (FOUR * FOUR));
+        }
+    l->place = *place;
+    l->key = scene->key;
+    l->blended = false;
+    upload(draw, layer);
+}
+
 /* coarser: layer of the window around it, or -1. */
 static void fill(struct sv_shadow_draw *draw, const struct sv_shadow_scene *scene,
                  const struct sv_shadow_place *place, int coarser, int layer)
@@ -164,6 +164,39 @@ static double finest_m(const struct sv_shadow_scene *scene)
     return fmin(scene->field->dx, scene->field->dy) / 8;
 }
 
+static int want(struct sv_shadow_draw *draw, const struct sv_shadow_scene *scene,
+                const struct sv_shadow_place *place, int coarser, int *made)
+{
+    int layer = find(draw, place, scene->key, coarser >= 0);
+    if (layer < 0) {
+        layer = oldest(draw);
+        fill(draw, scene, place, coarser, layer);
+        ++*made;
+    }
+    draw->layers[layer].used = draw->clock;
+    return layer;
+}
+
+static int want_outer(struct sv_shadow_draw *draw, const struct sv_shadow_scene *scene,
+                      const struct sv_shadow_place *whole, int finer, int *made)
+{
+    struct sv_shadow_place place = sv_shadow_outer(*whole);
+    int layer = find(draw, &place, scene->key, false);
+    if (layer < 0) {
+        layer = oldest(draw);
+        shrink(draw, scene, &place, finer, layer);
+        ++*made;
+    }
+    draw->layers[layer].used = draw->clock;
+    return layer;
+}
+
+static void add(struct sv_gl_shadows *shadows, const struct sv_shadow_draw *draw, int layer)
+{
+    const struct sv_shadow_place *p = &draw->layers[layer].place;
+    shadows->window[shadows->count++] = (struct sv_gl_shadow_window){p->x0, p->y0, p->texel_m * SIDE, layer};
+}
+
 enum sv_status sv_shadow_draw_update(struct sv_shadow_draw *draw, const struct sv_shadow_scene *scene,
                                      const struct sv_camera *camera, struct sv_gl_shadows *shadows,
                                      int *filled, struct sv_error *error)
@@ -175,15 +208,10 @@ enum sv_status sv_shadow_draw_update(struct sv_shadow_draw *draw, const struct s
     draw->clock++;
     for (int k = layout.count - 1; k >= 0; k--) {
         const struct sv_shadow_place *p = &layout.place[k];
-        int layer = find(draw, p, scene->key, coarser >= 0);
-        if (layer < 0) {
-            layer = oldest(draw);
-            fill(draw, scene, p, coarser, layer);
-            made++;
-        }
-        draw->layers[layer].used = draw->clock;
-        shadows->window[shadows->count++] =
-            (struct sv_gl_shadow_window){p->x0, p->y0, p->texel_m * SIDE, layer};
+        int layer = want(draw, scene, p, coarser, &made);
+        if (k == layout.count - 1 && layout.outer)
+            add(shadows, draw, want_outer(draw, scene, p, layer, &made));
+        add(shadows, draw, layer);
         coarser = layer;
     }
     if (filled)

@@ -1,5 +1,6 @@
 /* draw_shadow.h - the windows of sunlight that a view needs, filled when they are not there yet and kept in
- * GL (shadow_window.h): one texture array, a layer a window, with mip levels.
+ * GL (shadow_window.h): one texture array, a layer a window. Coarser windows are the mip levels of finer
+ * ones.
  *
  * A window's content depends on its place, the sun and what casts, never on earlier views, so a picture is
  * the same whoever draws it. SV_SHADOW_LAYERS windows are kept, the least lately used gives way. */
@@ -9,7 +10,7 @@
 #include "core/gl/frame.h"
 #include "core/terrain/shadow_window.h"
 
-enum { SV_SHADOW_LAYERS = 12, SV_SHADOW_MIP_LEVELS = 7, SV_SHADOW_CASTERS_MAX = 4 };
+enum { SV_SHADOW_LAYERS = 12, SV_SHADOW_CASTERS_MAX = 4 };
 
 struct sv_shadow_draw;
 
@@ -24,7 +25,7 @@ struct sv_shadow_scene {
     uint64_t key; /* of the sun and of what casts: windows of another key are not used */
 };
 
-/* Needs a current context. 29 MB: 12 in the process, 17 of textures. SV_ENOMEM; SV_EINTERNAL. */
+/* Needs a current context. 29 MB: 17 in the process, 12 of textures. SV_ENOMEM; SV_EINTERNAL. */
 SV_MUST_CHECK enum sv_status sv_shadow_draw_create(struct sv_shadow_draw **draw, struct sv_error *error);
 void sv_shadow_draw_destroy(struct sv_shadow_draw *draw); /* NULL is legal */
 

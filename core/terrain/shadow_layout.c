@@ -13,6 +13,8 @@ enum { RATIO = 4, LADDER = 12 };
 static const double AHEAD = 0.25, LATTICE = 0.125;
 /* Texels may be this many pixels wide where the view is nearest to the ground. */
 static const double TEXEL_PX = 1.5;
+/* The farthest pixels (seen at a slant, twice as large as square on) are larger than this many texels. */
+static const double OUTER_PX = 1;
 /* Highest tree or house whose shadow-bearing ground must be seen, and slack for relief between probes, m. */
 static const double SLACK_M = 20;
 
@@ -131,6 +133,10 @@ static void choose_perspective(const struct sv_heightfield *f, const struct sv_c
             layout->place[layout->count++] = p;
     }
     layout->place[layout->count++] = last;
+    double far = hypot(fmax(fabs(c->eye.x - f->x0), fabs(c->eye.x - f->x0 - side_x(f))),
+                       fmax(fabs(c->eye.y - f->y0), fabs(c->eye.y - f->y0 - side_y(f))));
+    layout->outer =
+        far / sv_camera_focal_px(c) > OUTER_PX * last.texel_m && layout->count < SV_SHADOW_LEVELS_MAX;
 }
 
 /* Rectangle of the ground that an orthographic picture sees; the whole field for a level one. */
@@ -173,6 +179,7 @@ void sv_shadow_layout_choose(const struct sv_heightfield *field, const struct sv
                              double finest_m, struct sv_shadow_layout *layout)
 {
     layout->count = 0;
+    layout->outer = false;
     if (camera->projection == SV_PROJECTION_ORTHOGRAPHIC)
         choose_orthographic(field, camera, finest_m, layout);
     else

@@ -12,6 +12,7 @@
 #ifndef SV_TERRAIN_SHADOW_WINDOW_H
 #define SV_TERRAIN_SHADOW_WINDOW_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "core/base/error.h"
@@ -54,13 +55,21 @@ void sv_shadow_window_fill(struct sv_shadow_window *window, const struct sv_heig
 void sv_shadow_window_blend(struct sv_shadow_window *window, const uint8_t *coarser,
                             struct sv_shadow_place coarser_place);
 
-enum { SV_SHADOW_LEVELS_MAX = 10 };
+enum { SV_SHADOW_LEVELS_MAX = 6, SV_SHADOW_OUTER_RATIO = 4 };
 
 /* A choice of windows for a view, the finest first; count 0: the view does not see the field. */
 struct sv_shadow_layout {
     int count;
     struct sv_shadow_place place[SV_SHADOW_LEVELS_MAX];
+    bool outer; /* pixels may be so large that the last one is wanted in a coarser form, too */
 };
+
+/* The square about a window whose texels are SV_SHADOW_OUTER_RATIO times as large. */
+static inline struct sv_shadow_place sv_shadow_outer(struct sv_shadow_place p)
+{
+    double more = 0.5 * (SV_SHADOW_OUTER_RATIO - 1) * SV_SHADOW_WINDOW_SIDE * p.texel_m;
+    return (struct sv_shadow_place){p.x0 - more, p.y0 - more, SV_SHADOW_OUTER_RATIO * p.texel_m};
+}
 
 /* Perspective: texels of 0.125 m, 0.5 m, 2 m, ... as far as the field is not covered, then one over all of
  * it. A window of side W stands W / 4 ahead of the eye, snapped to W / 8, so that it stays while the eye

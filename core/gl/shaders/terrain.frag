@@ -12,19 +12,22 @@ layout(location = 3) uniform uint id_terrain;
 layout(location = 4) uniform vec2 detail_eye[3]; // the eye's place in the detail's tile at its scales
 #ifdef SHADOWS
 layout(binding = 3) uniform sampler2DArray shadow_map; // share of sunlight, core/terrain/draw_shadow.h
-layout(location = 7) uniform int shadow_count;
-layout(location = 8) uniform vec4 shadow_window[10]; // local x, y -> -0.5 .. 0.5: offset, scale; layer; coarsest first
+// local x, y -> -0.5 .. 0.5: offset, scale; layer; coarsest first, what there is less of is never inside
+layout(location = 7) uniform vec4 shadow_window[SHADOW_WINDOWS];
 
-// Share of sunlight at the local place q, from the finest window that holds it; footprint: of the pixel, m.
-float shadow_light(vec2 q, float footprint)
+// Share of sunlight at the local place q, from the finest window that holds it with texels of 0.4 pixels or more:
+// coarser windows are the mip levels of finer ones. The loop is of known length, so that llvmpipe unrolls it (an index
+// that it does not know costs it a gather a pixel).
+float shadow_light(vec2 q, float pixel)
 {
     vec4 at = shadow_window[0];
-    for (int k = 1; k < shadow_count; k++) {
+    float finest = 1.0 / (0.4 * SHADOW_SIDE * pixel);
+    for (int k = 1; k < SHADOW_WINDOWS; k++) {
         vec4 w = shadow_window[k];
         vec2 away = abs(q * w.z + w.xy);
-        at = max(away.x, away.y) < 0.498 ? w : at;
+        at = max(max(away.x, away.y) - 0.498, w.z - finest) < 0.0 ? w : at;
     }
-    return textureLod(shadow_map, vec3(q * at.z + at.xy + 0.5, at.w), log2(footprint * at.z * 1024.0)).r;
+    return textureLod(shadow_map, vec3(q * at.z + at.xy + 0.5, at.w), 0.0).r;
 }
 #endif
 
