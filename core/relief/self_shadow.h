@@ -13,9 +13,11 @@
  * dark; light parallel to it: g = displ. Both are kept as branches of their own, selectable.
  *
  * Discrete lines: texel (i, j) lies on line i - round(j l_u / l_v) where |l_u| <= |l_v|, in texels (else u
- * and v swapped): copies of one Bresenham line, each texel on exactly one of them; s is each texel's own. The
- * rounding puts casters up to half a texel beside the ray: where displ is noise, or light grazes, so many
- * texels differ from the exact shadow as there are edges (row_front.h interpolates instead).
+ * and v swapped): copies of one Bresenham line, each texel on exactly one of them, up to half a texel beside
+ * it. displ is taken ON the line, between the two texels beside it (texels_alone: as the paper has it, the
+ * texel's own; then up to 40 % of the texels of a slope that the light runs along differ from the truth,
+ * because neighbours on a line stand at different heights of that slope). A texel takes its line's answer:
+ * edges are off by up to half a texel.
  *
  * Light from behind (l.f > 0): all solid texels are dark. Empty texels cast nothing and are lit. */
 #ifndef SV_RELIEF_SELF_SHADOW_H
@@ -30,10 +32,11 @@ struct sv_self_shadow_options {
                                dark; G grows by it as by any other, for its body stops light all the same */
     float bias_m;           /* along g, m, finite, >= 0: what rounding to texels may not darken */
     bool special_cases;     /* the paper's two cases as branches of their own (for the record: same result) */
+    bool texels_alone;      /* displ of each texel itself, not between two (the paper's reading) */
 };
 
-/* lit: width * height, 255 sees the light, 0 does not. O(texels), 8 bytes a line of memory. Threads: any.
- * SV_EINVAL when travel is not unit (1e-6) or not finite, or bias_m out of range; SV_ENOMEM. */
+/* lit: width * height, 255 sees the light, 0 does not. O(texels), some 200 bytes a line of memory. Threads:
+ * any. SV_EINVAL when travel is not unit (1e-6) or not finite, or bias_m out of range; SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_self_shadow(const struct sv_relief *relief,
                                             const struct sv_self_shadow_options *options, uint8_t *lit,
                                             struct sv_error *error);
