@@ -190,8 +190,8 @@ static const struct sv_field table[SV_FIELD_COUNT] = {
         {.type = SV_FIELD_SWITCH,
          .unit = "",
          .choices = off_on,
-         .preset = "off",
-         .help = "on is built for quality=reference and trees=raycast; other drawing answers 501."},
+         .preset = "on",
+         .help = "Shadows of the terrain, of trees and of objects; off costs nothing for them."},
     [SV_FIELD_SAMPLES] =
         {.type = SV_FIELD_INTEGER_SET,
          .unit = "",

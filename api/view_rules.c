@@ -340,7 +340,7 @@ static void not_built(struct build *b, enum sv_field_id id, const char *value)
 }
 
 /* What is legal and waits for a later version. */
-static void check_built(struct build *b, const struct sv_view_request *r)
+static void check_built(struct build *b)
 {
     for (int k = 0; k < SV_FIELD_COUNT; k++) {
         enum sv_field_id id = (enum sv_field_id)k;
@@ -353,10 +353,6 @@ static void check_built(struct build *b, const struct sv_view_request *r)
                  (field->unbuilt_choices & BIT(b->values[id].choice)))
             not_built(b, id, field->choices[b->values[id].choice]);
     }
-    if (r->has_shadows && r->shadows && !sv_api_view_is_raycast(r))
-        sv_errors_add(b->errors, SV_EUNSUPPORTED, sv_api_field_name(SV_FIELD_SHADOWS),
-                      "shadows=on is built for quality=reference and trees=raycast only: use one of them, or "
-                      "leave it out");
 }
 
 bool sv_api_view_is_raycast(const struct sv_view_request *request)
@@ -384,7 +380,7 @@ enum sv_problem_kind sv_api_view_rules(const struct sv_field_value *values, cons
     check_limits(&b, r);
     if (errors->total > 0)
         return SV_PROBLEM_BAD_REQUEST;
-    check_built(&b, r);
+    check_built(&b);
     if (errors->total > 0)
         return SV_PROBLEM_NOT_BUILT;
     if (!b.acceptable) {

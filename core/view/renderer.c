@@ -14,6 +14,7 @@
 #include "core/terrain/draw.h"
 #include "core/terrain/draw_shadow.h"
 #include "core/tree/draw.h"
+#include "core/tree/shade.h"
 #include "core/truth/truth.h"
 
 /* What a place of the sun costs once: kept while it stays. */
@@ -29,6 +30,7 @@ struct sv_renderer {
     struct sv_tree_draw *trees;
     struct sv_object_draw *objects; /* NULL: the scene has none */
     struct sv_truth *truth;
+    struct sv_tree_shade *shade; /* NULL: no trees */
     struct sv_shadow_draw *shadow_draw;
     struct sun_shadow scene_sun, other_sun; /* the scene's own is made before any fork */
     struct sv_gl_shadows shadows;           /* of the view that is being drawn */
@@ -46,6 +48,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     sv_shadow_height_finish(&renderer->scene_sun.terrain);
     sv_shadow_height_finish(&renderer->other_sun.terrain);
     sv_shadow_draw_destroy(renderer->shadow_draw);
+    sv_tree_shade_destroy(renderer->shade);
     sv_truth_destroy(renderer->truth);
     sv_object_draw_destroy(renderer->objects);
     sv_tree_draw_destroy(renderer->trees);
@@ -103,6 +106,10 @@ static enum sv_status create_shadows(struct sv_renderer *r, struct sv_error *err
     enum sv_status status = sv_shadow_draw_create(&r->shadow_draw, error);
     if (!status && light.to_sun.z > 0)
         status = make_sun(r, &r->scene_sun, light.to_sun, error);
+    if (!status && r->trees)
+        status = sv_tree_draw_shade_create(r->trees, &r->shade, error);
+    if (!status && r->shade && light.to_sun.z > 0)
+        status = sv_tree_shade_update(r->shade, light.to_sun, sv_shadow_height_at, &r->scene_sun.terrain, error);
     return status;
 }
 
@@ -119,7 +126,14 @@ static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_res
         return status;
     struct sv_vec3 s = frame->light.to_sun;
     struct sv_shadow_scene scene = {.field = &r->scene->terrain.field, .terrain = &sun->terrain};
-    scene.key = sv_hash_done(sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, s.x), s.y), s.z));
+    bool trees = r->shade && view->plan.draw_trees;
+    scene.key = sv_hash_u64(sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, s.x), s.y), s.z), trees);
+    if (trees) {
+        status = sv_tree_shade_update(r->shade, s, sv_shadow_height_at, &sun->terrain, error);
+        if (status)
+            return status;
+        scene.casters[0] = (struct sv_shadow_caster_of){sv_tree_shade_cast, r->shade};
+    }
     if (r->objects) {
         sv_object_draw_sun(r->objects, s);
         scene.casters[SV_SHADOW_CASTERS_MAX - 1] =
@@ -267,6 +281,7 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
         options.polygon_px = view->plan.polygon_px;
         options.triangle_budget = view->plan.triangle_budget;
         options.color_only = layers == 1u << SV_LAYER_COLOR;
+        options.shade = frame.shadows ? r->shade : NULL;
         status = sv_tree_draw_forest(r->trees, &frame, &options, &trees, error);
     }
     if (!status && stats) {

@@ -183,8 +183,7 @@ void random_view(struct sv_rng *rng, struct random_view *view)
     if (below(rng, 3) == 0)
         set(view, SV_FIELD_RELIEF, below(rng, 2) ? "auto" : "off");
     if (below(rng, 3) == 0)
-        set(view, SV_FIELD_SHADOWS,
-            (reference || strcmp(trees, "raycast") == 0) && below(rng, 2) ? "on" : "off");
+        set(view, SV_FIELD_SHADOWS, below(rng, 2) ? "on" : "off");
     maybe(rng, view, SV_FIELD_SAMPLES);
     if (below(rng, 4) == 0) {
         put(rng, view, SV_FIELD_TIME);

@@ -72,12 +72,12 @@ static void fixed_text(void **state)
     assert_string_equal(
         text, "x=500120&y=5200340&agl=1.7&heading=0&pitch=0&roll=0&north=grid&vfov=60&projection="
               "perspective&width=512&height=512&format=jpeg&q=85&layer=color&sky=on&quality=balanced&trees="
-              "auto&relief=auto&shadows=off&samples=1&air=off&f=image");
+              "auto&relief=auto&shadows=on&samples=1&air=off&f=image");
     assert_int_equal(n, strlen(text));
     n = sv_api_canonical_resolve(&r, text);
     assert_string_equal(
         text, "x=500120&y=5200340&agl=1.7&heading=0&pitch=0&roll=0&north=grid&vfov=60&projection="
-              "perspective&width=512&height=512&quality=balanced&trees=auto&relief=auto&shadows=off&samples="
+              "perspective&width=512&height=512&quality=balanced&trees=auto&relief=auto&shadows=on&samples="
               "1&air=off");
     assert_int_equal(n, strlen(text));
     must_kvp("target_lon=-71.1&target_lat=42&range=300&heading=350.5&time=2026-06-21T12:00:00.250%2B02:00&"
@@ -88,7 +88,7 @@ static void fixed_text(void **state)
     assert_string_equal(
         text, "heading=350.5&pitch=0&roll=0&north=grid&target_lon=-71.1&target_lat=42&target_agl=1.7&range="
               "300&projection=orthographic&ortho_height=1000&width=512&height=512&format=exr&layer=depth,id&"
-              "sky=on&quality=reference&trees=auto&relief=auto&shadows=off&samples=16&time=2026-06-21T10:00:"
+              "sky=on&quality=reference&trees=auto&relief=auto&shadows=on&samples=16&time=2026-06-21T10:00:"
               "00.25Z&air=off&f=image");
 }
 

@@ -76,7 +76,6 @@ static void check_request(const struct sv_view_request *r, const uint8_t *data, 
          r->trees == SV_TREES_NONE);
     HOLD(r->relief == SV_RELIEF_AUTO || r->relief == SV_RELIEF_OFF);
     HOLD(r->max_error_px == 0 && r->budget_ms == 0 && r->relief_distance_m == 0 && r->relief_resolution == 0);
-    HOLD(!r->shadows || sv_api_view_is_raycast(r));
     HOLD(r->samples == 0 || r->samples == 1 || r->samples == 4 || r->samples == 16 || r->samples == 64);
     HOLD(in(SV_FIELD_SUN_AZIMUTH, r->sun_azimuth_rad, true) &&
          in(SV_FIELD_SUN_ELEVATION, r->sun_elevation_rad, true));
