@@ -173,6 +173,8 @@ enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolu
         status = sv_relief_object_hide(&made, error);
     }
     if (status == SV_OK)
+        status = sv_relief_object_tile(&made, error);
+    if (status == SV_OK)
         *object = made;
     else
         sv_relief_object_finish(&made);
@@ -187,6 +189,7 @@ void sv_relief_object_finish(struct sv_relief_object *object)
             sv_relief_finish(&object->hidden[layer][k]);
     }
     free(object->block);
+    free(object->tiles);
     *object = (struct sv_relief_object){0};
 }
 
@@ -212,16 +215,10 @@ struct sv_vec3 sv_relief_place_to_model(const struct sv_relief_place *place, str
 unsigned sv_relief_object_faces(const struct sv_relief_object *object, const struct sv_relief_place *place,
                                 const struct sv_camera *camera)
 {
-    unsigned faces = 0;
-    struct sv_vec3 eye = sv_relief_place_to_model(place, camera->eye);
     struct sv_vec3 back = sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        const struct sv_relief_frame *f = &object->face[k].frame;
-        double front = camera->projection == SV_PROJECTION_PERSPECTIVE ? sv_dot(sv_sub(eye, f->origin), f->f)
-                                                                       : sv_dot(back, f->f);
-        faces |= front > 0 ? 1u << k : 0;
-    }
-    return faces ? faces : (1u << SV_RELIEF_FACES) - 1; /* an eye inside the box sees all from behind */
+    if (camera->projection == SV_PROJECTION_PERSPECTIVE)
+        return sv_relief_object_seen_from(object, sv_relief_place_to_model(place, camera->eye), true);
+    return sv_relief_object_seen_from(object, back, false);
 }
 
 double sv_relief_object_texel_px(const struct sv_relief_object *object, const struct sv_relief_place *place,

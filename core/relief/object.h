@@ -3,8 +3,10 @@
  * Model space as for trees (frames.h): Z up, base at z = 0, height 1. Faces in the order +X, -X, +Y, -Y, +Z,
  * -Z; f points outward, displ <= 0; square texels (|a| = |b|), the longest side of the box has `resolution`
  * texels, the others as many as they need (at least 1), so the frame may stand over the box by less than a
- * texel. A view warps the faces that look towards the eye (up to three), and of the others those texels that
- * cross an edge and close it; the buffer's depth test joins them. */
+ * texel. Of a surface that several faces see, the texels of the one that sees it best are warped
+ * (object_choose.c): of faces that look towards the eye, and of the others what crosses an edge and closes it
+ * (object_tiles.c); the buffer's depth test joins them. What no face sees (a floor under an arch) is closed
+ * by the depth hull (object_hull.c). */
 #ifndef SV_RELIEF_OBJECT_H
 #define SV_RELIEF_OBJECT_H
 
@@ -19,8 +21,9 @@ enum {
     SV_RELIEF_FACES = 6,
     SV_RELIEF_RESOLUTION_MIN = 8,
     SV_RELIEF_RESOLUTION_MAX = 2048,
-    SV_RELIEF_HULL_MAX = 256,
-    SV_RELIEF_HIDDEN = 3
+    SV_RELIEF_HULL_MAX = 256, /* resolution of what is hidden */
+    SV_RELIEF_HIDDEN = 3,     /* hidden surfaces behind a face */
+    SV_RELIEF_SHEETS = (1 + SV_RELIEF_HIDDEN) * SV_RELIEF_FACES
 };
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
 #define SV_RELIEF_OBJECT_KIND "relief1"
@@ -38,7 +41,15 @@ struct sv_relief_object {
      * face is to be warped there. In `block`. */
     uint8_t *keep[SV_RELIEF_FACES];
     void *block;
+    struct sv_relief_tile *tile[SV_RELIEF_SHEETS], *tiles; /* object_tiles.c */
 };
+
+/* All reliefs of an object by number: the six faces, then layer after layer what is hidden behind them. */
+static inline const struct sv_relief *sv_relief_sheet(const struct sv_relief_object *object, int sheet)
+{
+    return sheet < SV_RELIEF_FACES ? &object->face[sheet]
+                                   : &object->hidden[sheet / SV_RELIEF_FACES - 1][sheet % SV_RELIEF_FACES];
+}
 
 /* Where an object stands: world = place + height_m * turn(model), clockwise by heading_rad. */
 struct sv_relief_place {
@@ -69,6 +80,13 @@ SV_MUST_CHECK enum sv_status sv_relief_object_set_box(struct sv_relief_object *o
 SV_MUST_CHECK enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv_error *error);
 void sv_relief_object_choose(struct sv_relief_object *object);
 SV_MUST_CHECK enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_relief_object_tile(struct sv_relief_object *object, struct sv_error *error);
+
+/* Faces of which something may face an eye at a place of model space, or far away in a unit direction; rows
+ * of one sheet, first <= row < last (false: none). What it leaves out is turned away for certain. */
+unsigned sv_relief_object_seen_from(const struct sv_relief_object *object, struct sv_vec3 eye, bool is_place);
+bool sv_relief_object_rows(const struct sv_relief_object *object, int sheet, struct sv_vec3 eye,
+                           bool is_place, int *first, int *last);
 
 /* Frame and size of a face in texels of a given side; only the object's box is read. */
 void sv_relief_object_face_layout(const struct sv_relief_object *object, int face, double texel,
@@ -100,7 +118,8 @@ SV_MUST_CHECK enum sv_status sv_relief_look_light(struct sv_relief_look *look,
                                                   const struct sv_light *light,
                                                   const struct sv_relief_look_options *options,
                                                   unsigned faces, struct sv_error *error);
-/* Which faces a camera needs: bit set. */
+/* Which faces a camera needs: bit set. Those that look towards the eye, and others that hold something across
+ * an edge which no face towards the eye shows better. */
 unsigned sv_relief_object_faces(const struct sv_relief_object *object, const struct sv_relief_place *place,
                                 const struct sv_camera *camera);
 /* Size of a texel in the picture where it is largest (nearest point of the box), px: what the choice between
@@ -108,8 +127,9 @@ unsigned sv_relief_object_faces(const struct sv_relief_object *object, const str
 double sv_relief_object_texel_px(const struct sv_relief_object *object, const struct sv_relief_place *place,
                                  const struct sv_camera *camera);
 
-/* Warps the object as it looks into the buffer: clear, splat, fill. The sources stay valid until the next
- * call; resolve with them. */
+/* Warps the object as it looks into the buffer: clear, splat, and closing of gaps of one or two pixels
+ * (stats->holes). There is no filling behind torn edges: the gaps that remain are the object's own. faces: as
+ * lit. The sources stay valid until the next call; resolve with them. */
 SV_MUST_CHECK enum sv_status
 sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
                     const struct sv_camera *camera, double shift_x_px, double shift_y_px, unsigned faces,

@@ -65,6 +65,12 @@ static bool better_elsewhere(const struct sv_relief_object *object, int face, si
 
 void sv_relief_object_choose(struct sv_relief_object *object)
 {
+    /* The shadow's row front goes by displ alone: where a face is empty, that must say so. */
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        struct sv_relief *face = &object->face[k];
+        for (size_t i = 0; i < (size_t)face->width * (size_t)face->height; i++)
+            face->displ[i] = sv_relief_solid(face, i) ? face->displ[i] : NAN;
+    }
     /* One pass a band of levels, so that no list of texels is needed: those that a texel may be left to are
      * at least BETTER levels less slanted, so a band of BETTER levels decides nothing of itself. */
     for (int top = LEVELS - 1; top >= 0; top -= BETTER)

@@ -18,19 +18,20 @@
 #include "core/relief/lighting.h"
 
 /* Neighbours of hidden texels are taken in so many times, so that their surface overlaps what is shown. */
-enum { GROW = 2 };
+enum { GROW = 3, PATCH_MIN = 12 };
 /* A face shows a place when its surface is within so many voxels of it. */
 #define SHOWN_VOXELS 1.75
 
 struct grid {
-    const struct sv_relief_object *object;
+    const struct sv_relief_object *object; /* what is shown */
+    struct sv_relief_object *made;         /* the same one: what is hidden */
     int n[3];
     double side;           /* of a voxel */
     struct sv_vec3 corner; /* low corner of the grid */
     float *low[3],
         *high[3]; /* along axis a: interval that may be solid, by (b, c) with b, c the other axes in order */
-    uint8_t *solid; /* x fastest */
-    uint8_t *mark;  /* of one face: 1 hidden, more: taken in by grow */
+    uint8_t *solid;                  /* x fastest */
+    uint8_t *mark[SV_RELIEF_HIDDEN]; /* of one face: 1 hidden, more: taken in by grow */
 };
 
 static double component(struct sv_vec3 v, int axis)
@@ -175,8 +176,7 @@ static float find_entry(const struct grid *g, int k, int i, int j, int skip, flo
         size_t texel;
         if (wanted == wanted)
             best = fabsf(d - wanted) >= fabsf(best - wanted) ? best : d;
-        else if (nearest_shown(g->object, at, &r->frame.f, &face, &texel) > SHOWN_VOXELS * g->side &&
-                 skip-- == 0)
+        else if (nearest_shown(g->object, at, NULL, &face, &texel) > SHOWN_VOXELS * g->side && skip-- == 0)
             return d;
     }
     return best;
@@ -197,53 +197,113 @@ static void set_texel(const struct grid *g, struct sv_relief *r, int i, int j, f
     r->color[texel][3] = 255;
 }
 
-/* Takes in what borders on hidden texels and lies level with them, hidden or not. */
-static void grow(const struct grid *g, struct sv_relief *r, int k)
+/* Beside texel (i, j): whether it is in the relief, and where. */
+static bool beside(const struct sv_relief *r, int i, int j, int side, size_t *at)
 {
-    int w = r->width, h = r->height;
-    for (int round = 1; round <= GROW; round++)
-        for (int j = 0; j < h; j++)
-            for (int i = 0; i < w; i++) {
-                size_t at = (size_t)j * (size_t)w + (size_t)i;
-                float level = NAN;
-                for (int s = 0; s < 4 && !g->mark[at]; s++) {
-                    int x = i + (s == 0) - (s == 1), y = j + (s == 2) - (s == 3);
-                    size_t beside = (size_t)y * (size_t)w + (size_t)x;
-                    if (x >= 0 && y >= 0 && x < w && y < h && g->mark[beside] && g->mark[beside] <= round)
-                        level = r->displ[beside];
+    int x = i + (side == 0) - (side == 1), y = j + (side == 2) - (side == 3);
+    *at = (size_t)y * (size_t)r->width + (size_t)x;
+    return x >= 0 && y >= 0 && x < r->width && y < r->height;
+}
+
+static void drop_texel(struct sv_relief *r, uint8_t *mark, size_t at)
+{
+    r->displ[at] = NAN;
+    r->color[at][3] = 0;
+    mark[at] = 0;
+}
+
+/* A patch of fewer than PATCH_MIN texels is the hull's own roughness: dropped. */
+static void drop_small(struct sv_relief *r, uint8_t *mark)
+{
+    for (int j = 0; j < r->height; j++)
+        for (int i = 0; i < r->width; i++) {
+            size_t queue[PATCH_MIN], at = (size_t)j * (size_t)r->width + (size_t)i;
+            int found = 1;
+            if (!mark[at])
+                continue;
+            queue[0] = at;
+            for (int k = 0; k < found && found < PATCH_MIN; k++)
+                for (int side = 0; side < 4 && found < PATCH_MIN; side++) {
+                    size_t next;
+                    int x = (int)(queue[k] % (size_t)r->width), y = (int)(queue[k] / (size_t)r->width);
+                    bool known = !beside(r, x, y, side, &next) || !mark[next] ||
+                                 !(fabsf(r->displ[next] - r->displ[queue[k]]) <= r->cut);
+                    for (int n = 0; n < found && !known; n++)
+                        known = queue[n] == next;
+                    if (!known)
+                        queue[found++] = next;
                 }
-                float d = level == level ? find_entry(g, k, i, j, 0, level) : NAN;
-                if (fabsf(d - level) <= r->cut) {
-                    set_texel(g, r, i, j, d);
-                    g->mark[at] = (uint8_t)(round + 1);
+            for (int k = 0; k < found && found < PATCH_MIN; k++)
+                drop_texel(r, mark, queue[k]);
+        }
+}
+
+/* Takes a level entry into a layer; what stood there goes to a free layer behind, if there is one. */
+static void take_in(const struct grid *g, int layer, int k, int i, int j, float displ, int round)
+{
+    struct sv_relief(*hidden)[SV_RELIEF_FACES] = g->made->hidden;
+    size_t at = (size_t)j * (size_t)hidden[layer][k].width + (size_t)i;
+    for (int other = 0; g->mark[layer][at] && other < SV_RELIEF_HIDDEN; other++)
+        if (other != layer && !g->mark[other][at]) {
+            set_texel(g, &hidden[other][k], i, j, hidden[layer][k].displ[at]);
+            g->mark[other][at] = g->mark[layer][at];
+            break;
+        }
+    set_texel(g, &hidden[layer][k], i, j, displ);
+    g->mark[layer][at] = (uint8_t)(round + 1);
+}
+
+/* Takes in what borders on hidden texels and lies level with them, hidden or not. */
+static void grow(const struct grid *g, int layer, int k)
+{
+    const struct sv_relief *r = &g->made->hidden[layer][k];
+    for (int round = 1; round <= GROW; round++)
+        for (int j = 0; j < r->height; j++)
+            for (int i = 0; i < r->width; i++) {
+                size_t at = (size_t)j * (size_t)r->width + (size_t)i, next;
+                for (int side = 0; side < 4; side++) {
+                    if (!beside(r, i, j, side, &next) || !g->mark[layer][next] ||
+                        g->mark[layer][next] > round)
+                        continue;
+                    float level = r->displ[next], d;
+                    if (g->mark[layer][at] && fabsf(r->displ[at] - level) <= r->cut)
+                        continue; /* goes on already */
+                    d = find_entry(g, k, i, j, 0, level);
+                    if (fabsf(d - level) <= r->cut && !(g->mark[layer][at] == 1 && round > 1))
+                        take_in(g, layer, k, i, j, d, round);
                 }
             }
 }
 
-static void find_hidden(const struct grid *g, struct sv_relief *r, int layer, int k)
+static void find_hidden(const struct grid *g, int k)
 {
-    size_t texels = (size_t)r->width * (size_t)r->height;
-    memset(g->mark, 0, texels);
-    for (size_t t = 0; t < texels; t++) {
-        r->displ[t] = NAN;
-        memset(r->color[t], 0, 4);
+    struct sv_relief(*hidden)[SV_RELIEF_FACES] = g->made->hidden;
+    for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++) {
+        struct sv_relief *r = &hidden[layer][k];
+        size_t texels = (size_t)r->width * (size_t)r->height;
+        for (size_t t = 0; t < texels; t++)
+            drop_texel(r, g->mark[layer], t);
+        for (int j = 0; j < r->height; j++)
+            for (int i = 0; i < r->width; i++) {
+                float d = find_entry(g, k, i, j, layer, NAN);
+                if (d != d)
+                    continue;
+                set_texel(g, r, i, j, d);
+                g->mark[layer][(size_t)j * (size_t)r->width + (size_t)i] = 1;
+            }
+        drop_small(r, g->mark[layer]);
     }
-    for (int j = 0; j < r->height; j++)
-        for (int i = 0; i < r->width; i++) {
-            float d = find_entry(g, k, i, j, layer, NAN);
-            if (d != d)
-                continue;
-            set_texel(g, r, i, j, d);
-            g->mark[(size_t)j * (size_t)r->width + (size_t)i] = 1;
-        }
-    grow(g, r, k);
-    sv_relief_normals(r);
-    sv_relief_measure(r);
+    for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++)
+        grow(g, layer, k);
+    for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++) {
+        sv_relief_normals(&hidden[layer][k]);
+        sv_relief_measure(&hidden[layer][k]);
+    }
 }
 
 enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_error *error)
 {
-    struct grid g = {.object = object, .side = object->hidden_texel};
+    struct grid g = {.object = object, .made = object, .side = object->hidden_texel};
     struct sv_vec3 size = sv_sub(object->box_max, object->box_min);
     size_t area = 0, mark = 0;
     for (int a = 0; a < 3; a++)
@@ -257,7 +317,7 @@ enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_
         mark = texels > mark ? texels : mark;
     }
     size_t voxels = (size_t)g.n[0] * (size_t)g.n[1] * (size_t)g.n[2];
-    float *block = malloc(area * 2 * sizeof *block + voxels + mark);
+    float *block = malloc(area * 2 * sizeof *block + voxels + SV_RELIEF_HIDDEN * mark);
     if (!block)
         return sv_fail(error, SV_ENOMEM, "object", "no memory for a hull of %zu voxels", voxels);
     float *at = block;
@@ -269,10 +329,10 @@ enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_
     }
     g.solid = (uint8_t *)at;
     carve(&g);
-    g.mark = g.solid + voxels;
     for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++)
-        for (int k = 0; k < SV_RELIEF_FACES; k++)
-            find_hidden(&g, &object->hidden[layer][k], layer, k);
+        g.mark[layer] = g.solid + voxels + (size_t)layer * mark;
+    for (int k = 0; k < SV_RELIEF_FACES; k++)
+        find_hidden(&g, k);
     free(block);
     return SV_OK;
 }

@@ -5,9 +5,10 @@
  * space: light, eye and height are brought there once, which spares six frames and any large number.
  *
  * What is warped is the kept texels only (sv_relief_object_choose): the look's own copy of the colours has
- * alpha 0 everywhere else. */
+ * alpha 0 every */
 #include "core/relief/object.h"
 
+#include <emmintrin.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -142,7 +143,8 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
     turned.to_sun = sv_rotate_clockwise(light->to_sun, -place->heading_rad);
     bool shadow = options->lit && options->shadow != SV_RELIEF_SHADOW_NONE;
     if (shadow)
-        status = sv_relief_shade_light(look->shade, turned.to_sun, options->shadow, faces, look->lit, error);
+        status = sv_relief_shade_light(look->shade, look->face, turned.to_sun, options->shadow, faces,
+                                       look->lit, error);
     if (status != SV_OK)
         return status;
     double shade_height = (options->shade_height_m - place->place.z) / place->height_m;
@@ -183,6 +185,83 @@ static struct sv_relief_frame world_frame(const struct sv_relief_frame *m,
                                     .f = sv_rotate_clockwise(m->f, r)};
 }
 
+/* One sheet's rows that may face the eye, as a source; false: there are none. */
+static bool make_source(const struct sv_relief_look *look, int k, const struct sv_camera *camera,
+                        struct sv_vec3 eye, struct sv_warp_source *source)
+{
+    const struct sv_relief *face = &look->face[k];
+    bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
+    int first, last;
+    if (!sv_relief_object_rows(look->object, k, eye, is_place, &first, &last))
+        return false;
+    size_t start = (size_t)first * (size_t)face->width;
+    *source = (struct sv_warp_source){.width = face->width,
+                                      .height = last - first,
+                                      .t = face->displ + start,
+                                      .color = look->color[k] + start,
+                                      .cut = face->cut};
+    return true;
+}
+
+static void set_map(const struct sv_relief *face, const struct sv_relief_place *place,
+                    const struct sv_camera *camera, double shift_x_px, double shift_y_px,
+                    struct sv_warp_source *source)
+{
+    struct sv_relief_frame frame = world_frame(&face->frame, place);
+    sv_warp_map_from_camera(&frame, camera, shift_x_px, shift_y_px, &source->map);
+    double first = (double)((source->t - face->displ) / face->width);
+    for (int row = 0; row < 4; row++) {
+        source->map.m[row][2] *= place->height_m; /* t is in model space, where the object is 1 high */
+        source->map.m[row][3] += source->map.m[row][1] * first;
+    }
+}
+
+/* Bit k: pixel k of four holds nothing. */
+static int empty4(const uint32_t *texel)
+{
+    __m128i held = _mm_loadu_si128((const __m128i *)(const void *)texel);
+    return _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(held, _mm_set1_epi32(-1))));
+}
+
+/* The farther of two surfaces beside an empty pixel goes on into it. */
+static void close_pixel(struct sv_warp_buffer *b, size_t p, size_t q, size_t r)
+{
+    size_t from = b->depth[q] < b->depth[r] ? q : r;
+    b->depth[p] = b->depth[from];
+    b->place[p] = b->place[from];
+    b->texel[p] = b->texel[from] | SV_WARP_FILLED;
+}
+
+/* Gaps of one or two pixels along a row or a column, between two faces' borders: rounding of what meets
+ * there. */
+static uint32_t close_gaps(struct sv_warp_buffer *b)
+{
+    uint32_t closed = 0;
+    int x0 = b->x0 < 2 ? 2 : b->x0, x1 = b->x1 > b->width - 2 ? b->width - 2 : b->x1;
+    int y0 = b->y0 < 2 ? 2 : b->y0, y1 = b->y1 > b->height - 2 ? b->height - 2 : b->y1;
+    const size_t w = (size_t)b->width;
+    for (int j = y0; j < y1; j++)
+        for (int i = x0; i + 4 <= x1; i += 4) {
+            const size_t at = (size_t)j * w + (size_t)i;
+            const uint32_t *t = b->texel + at;
+            int empty = empty4(t);
+            if (!empty)
+                continue;
+            int across = (empty4(t - 1) & empty4(t - 2)) | (empty4(t + 1) & empty4(t + 2));
+            int along = (empty4(t - w) & empty4(t - 2 * w)) | (empty4(t + w) & empty4(t + 2 * w));
+            for (int gaps = empty & ~(across & along), k = 0; gaps >> k; k++) {
+                if (!(gaps >> k & 1))
+                    continue;
+                size_t p = at + (size_t)k, step = across >> k & 1 ? w : 1;
+                size_t before = b->texel[p - step] != SV_WARP_EMPTY ? p - step : p - 2 * step;
+                size_t after = b->texel[p + step] != SV_WARP_EMPTY ? p + step : p + 2 * step;
+                close_pixel(b, p, before, after);
+                closed++;
+            }
+        }
+    return closed;
+}
+
 enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
                                    const struct sv_camera *camera, double shift_x_px, double shift_y_px,
                                    unsigned faces, struct sv_warp_buffer *buffer,
@@ -193,24 +272,18 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
     if (status != SV_OK)
         return status;
     unsigned count = 0;
+    struct sv_vec3 eye = camera->projection == SV_PROJECTION_PERSPECTIVE
+                             ? sv_relief_place_to_model(place, camera->eye)
+                             : sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
     sv_warp_clear(buffer);
     for (int k = 0; k < SHEETS; k++) {
-        const struct sv_relief *face = &look->face[k];
-        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count)
-            continue;
-        struct sv_relief_frame frame = world_frame(&face->frame, place);
         struct sv_warp_source *source = &look->source[count];
-        *source = (struct sv_warp_source){.width = face->width,
-                                          .height = face->height,
-                                          .t = face->displ,
-                                          .color = look->color[k],
-                                          .cut = face->cut};
-        sv_warp_map_from_camera(&frame, camera, shift_x_px, shift_y_px, &source->map);
-        for (int row = 0; row < 4; row++) /* t is in model space, where the object is 1 high */
-            source->map.m[row][2] *= place->height_m;
+        if (!(faces >> k % SV_RELIEF_FACES & 1) || !make_source(look, k, camera, eye, source))
+            continue;
+        set_map(&look->face[k], place, camera, shift_x_px, shift_y_px, source);
         sv_warp_splat(source, count++, buffer, stats);
     }
-    sv_warp_fill(look->source, count, buffer, stats);
+    stats->holes += close_gaps(buffer);
     *sources = look->source;
     *source_count = count;
     return SV_OK;

@@ -6,24 +6,18 @@
 
 #include "core/relief/object.h"
 
-/* All reliefs of an object: the six faces, then layer after layer what is hidden behind them. */
-enum { SV_RELIEF_SHEETS = (1 + SV_RELIEF_HIDDEN) * SV_RELIEF_FACES };
-static inline const struct sv_relief *sv_relief_sheet(const struct sv_relief_object *object, int sheet)
-{
-    return sheet < SV_RELIEF_FACES ? &object->face[sheet]
-                                   : &object->hidden[sheet / SV_RELIEF_FACES - 1][sheet % SV_RELIEF_FACES];
-}
-
 struct sv_relief_shade;
 
 SV_MUST_CHECK enum sv_status sv_relief_shade_create(const struct sv_relief_object *object,
                                                     struct sv_relief_shade **shade, struct sv_error *error);
 void sv_relief_shade_destroy(struct sv_relief_shade *shade);
-/* lit[k], width * height of face k: share of sunlight * 255, for the faces in the bit set. to_sun: unit,
- * model space. */
-SV_MUST_CHECK enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade, struct sv_vec3 to_sun,
-                                                   enum sv_relief_shadow_form form, unsigned faces,
-                                                   uint8_t *const lit[SV_RELIEF_SHEETS],
+/* lit[k], width * height of sheet k: share of sunlight * 255, for the faces in the bit set and what is hidden
+ * behind them. sheet: of the object, with the colours that are warped (alpha 0 where they are not). to_sun:
+ * unit, model space. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade,
+                                                   const struct sv_relief sheet[SV_RELIEF_SHEETS],
+                                                   struct sv_vec3 to_sun, enum sv_relief_shadow_form form,
+                                                   unsigned faces, uint8_t *const lit[SV_RELIEF_SHEETS],
                                                    struct sv_error *error);
 
 #endif

@@ -105,15 +105,17 @@ static enum sv_status read_header(const void *data, size_t bytes, struct file_he
     return sv_relief_object_set_box(object, lo, hi, (int)h->resolution, SV_EFORMAT, error);
 }
 
-/* Numbers of a face that the rest of the library may trust: displ within the box (NaN is empty). */
-static enum sv_status check_face(const struct sv_relief_object *object, int k, struct sv_error *error)
+/* Numbers of a face that the rest of the library may trust: displ within the box, NaN where nothing is. */
+static enum sv_status check_face(struct sv_relief_object *object, int k, struct sv_error *error)
 {
-    const struct sv_relief *r = &object->face[k];
+    struct sv_relief *r = &object->face[k];
     struct sv_vec3 size = sv_sub(object->box_max, object->box_min);
     double depth = fabs(sv_dot(size, r->frame.f)) + object->texel, front = object->texel;
     for (size_t i = 0; i < texels_of(r); i++) {
         double d = (double)r->displ[i];
-        if (d == d && !(d >= -depth && d <= front))
+        if (!sv_relief_solid(r, i))
+            r->displ[i] = NAN;
+        else if (!(d >= -depth && d <= front))
             return sv_fail(error, SV_EFORMAT, "displ", "is %g at texel %zu of face %d, must be %g to %g", d,
                            i, k, -depth, front);
     }
@@ -155,6 +157,8 @@ enum sv_status sv_relief_object_load(const void *data, size_t bytes, struct sv_r
     }
     if (status == SV_OK)
         status = sv_relief_object_hide(&made, error);
+    if (status == SV_OK)
+        status = sv_relief_object_tile(&made, error);
     if (status == SV_OK)
         *object = made;
     else

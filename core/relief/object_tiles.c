@@ -1,0 +1,146 @@
+/* object_tiles.c - which parts of an object's reliefs can face an eye.
+ *
+ * Each relief is cut into tiles; a tile knows a ball that holds its kept texels, and a cone that holds their
+ * normals. It can face an eye only where the angle between cone and eye is below 90 degrees plus the cone's
+ * half angle plus half the angle under which the eye sees the ball. This is how the faces that a view needs
+ * are found (the up to three that look towards the eye, and of the others those that hold texels across an
+ * edge), and the rows of each. */
+#include "core/relief/object.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { SIDE = 8 }; /* texels of a tile */
+/* Normals of a bake are means over a texel: what may be off them, rad. */
+#define NORMAL_SLACK 0.15
+
+struct sv_relief_tile {
+    struct sv_vec3 middle, axis;
+    double radius,
+        spread; /* of the ball, model space; half angle of the cone, rad; spread < 0: nothing is kept */
+};
+
+static int across(const struct sv_relief *r)
+{
+    return (r->width + SIDE - 1) / SIDE;
+}
+
+static int down(const struct sv_relief *r)
+{
+    return (r->height + SIDE - 1) / SIDE;
+}
+
+static bool kept(const struct sv_relief_object *object, int sheet, size_t texel)
+{
+    return sv_relief_solid(sv_relief_sheet(object, sheet), texel) &&
+           (sheet >= SV_RELIEF_FACES || object->keep[sheet][texel]);
+}
+
+static struct sv_vec3 normal_of(const struct sv_relief *r, size_t texel)
+{
+    const int16_t *n = r->normal[texel];
+    struct sv_vec3 a = sv_scale(sv_normalize(r->frame.a), n[0]), b = sv_scale(sv_normalize(r->frame.b), n[1]);
+    return sv_normalize(sv_madd(sv_add(a, b), r->frame.f, n[2]));
+}
+
+static struct sv_relief_tile measure(const struct sv_relief_object *object, int sheet, int column, int row)
+{
+    const struct sv_relief *r = sv_relief_sheet(object, sheet);
+    struct sv_relief_tile t = {.spread = -1};
+    float nearest = -INFINITY, farthest = INFINITY;
+    int i1 = column + SIDE < r->width ? column + SIDE : r->width,
+        j1 = row + SIDE < r->height ? row + SIDE : r->height;
+    for (int j = row; j < j1; j++)
+        for (int i = column; i < i1; i++) {
+            size_t k = (size_t)j * (size_t)r->width + (size_t)i;
+            if (!kept(object, sheet, k))
+                continue;
+            t.axis = sv_add(t.axis, normal_of(r, k));
+            nearest = fmaxf(nearest, r->displ[k]);
+            farthest = fminf(farthest, r->displ[k]);
+        }
+    if (nearest < farthest)
+        return t;
+    t.axis = sv_normalize(t.axis);
+    t.spread = 0;
+    for (int j = row; j < j1; j++)
+        for (int i = column; i < i1; i++) {
+            size_t k = (size_t)j * (size_t)r->width + (size_t)i;
+            if (kept(object, sheet, k))
+                t.spread = fmax(t.spread, acos(sv_clamp(sv_dot(normal_of(r, k), t.axis), -1, 1)));
+        }
+    t.spread += NORMAL_SLACK;
+    t.middle =
+        sv_relief_point(&r->frame, 0.5 * (column + i1), 0.5 * (row + j1), 0.5 * (double)(nearest + farthest));
+    double half_u = 0.5 * (i1 - column) * sv_length(r->frame.a),
+           half_v = 0.5 * (j1 - row) * sv_length(r->frame.b);
+    double half_d = 0.5 * (double)(nearest - farthest);
+    t.radius = sqrt(half_u * half_u + half_v * half_v + half_d * half_d);
+    return t;
+}
+
+enum sv_status sv_relief_object_tile(struct sv_relief_object *object, struct sv_error *error)
+{
+    size_t count = 0;
+    for (int k = 0; k < SV_RELIEF_SHEETS; k++)
+        count += (size_t)across(sv_relief_sheet(object, k)) * (size_t)down(sv_relief_sheet(object, k));
+    struct sv_relief_tile *tile = malloc(count * sizeof *tile);
+    if (!tile)
+        return sv_fail(error, SV_ENOMEM, "object", "no memory for %zu tiles", count);
+    free(object->tiles);
+    object->tiles = tile;
+    for (int k = 0; k < SV_RELIEF_SHEETS; k++) {
+        const struct sv_relief *r = sv_relief_sheet(object, k);
+        object->tile[k] = tile;
+        for (int row = 0; row < r->height; row += SIDE)
+            for (int column = 0; column < r->width; column += SIDE)
+                *tile++ = measure(object, k, column, row);
+    }
+    return SV_OK;
+}
+
+/* eye: a place, or the unit direction to it. */
+static bool may_face(const struct sv_relief_tile *t, struct sv_vec3 eye, bool is_place)
+{
+    if (t->spread < 0)
+        return false;
+    struct sv_vec3 to_eye = is_place ? sv_sub(eye, t->middle) : eye;
+    double distance = sv_length(to_eye), spread = t->spread;
+    if (is_place && distance <= t->radius)
+        return true;
+    if (is_place)
+        spread += asin(t->radius / distance);
+    return spread >= SV_PI / 2 || sv_dot(t->axis, to_eye) > -sin(spread) * distance;
+}
+
+bool sv_relief_object_rows(const struct sv_relief_object *object, int sheet, struct sv_vec3 eye,
+                           bool is_place, int *first, int *last)
+{
+    const struct sv_relief *r = sv_relief_sheet(object, sheet);
+    const struct sv_relief_tile *tile = object->tile[sheet];
+    int columns = across(r), rows = down(r), low = rows, high = -1;
+    for (int j = 0; r->solid_count && j < rows; j++)
+        for (int i = 0; i < columns; i++)
+            if (may_face(&tile[j * columns + i], eye, is_place)) {
+                low = j < low ? j : low;
+                high = j;
+                break;
+            }
+    if (high < 0)
+        return false;
+    /* A texel more on both sides: cells between tiles are part of both. */
+    *first = low * SIDE > 0 ? low * SIDE - 1 : 0;
+    *last = (high + 1) * SIDE + 1 < r->height ? (high + 1) * SIDE + 1 : r->height;
+    return true;
+}
+
+unsigned sv_relief_object_seen_from(const struct sv_relief_object *object, struct sv_vec3 eye, bool is_place)
+{
+    unsigned faces = 0;
+    int first, last;
+    for (int k = 0; k < SV_RELIEF_SHEETS; k++)
+        if (!(faces >> k % SV_RELIEF_FACES & 1) &&
+            sv_relief_object_rows(object, k, eye, is_place, &first, &last))
+            faces |= 1u << k % SV_RELIEF_FACES;
+    return faces;
+}
