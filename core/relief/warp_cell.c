@@ -110,16 +110,17 @@ struct piece {
 static void draw_run(void *context, const struct sv_warp_run *run)
 {
     struct piece *piece = context;
+    struct sv_warp_pixels to = sv_warp_pixels_of(piece->buffer);
     size_t p = (size_t)run->j * (size_t)piece->buffer->width + (size_t)run->i0;
     for (int k = 0; k <= run->i1 - run->i0; k++, p++) {
         float s, r, d = run->d + (float)k * run->d_step;
         d = d > run->d_min ? d : run->d_min;
         d = d < run->d_max ? d : run->d_max;
-        if (d < piece->buffer->depth[p])
+        if (d < to.depth[p])
             continue;
         sv_warp_run_place(run, k, &s, &r);
-        piece->pixels += sv_warp_put(piece->buffer, p, d, piece->texel,
-                                     sv_warp_place(s - piece->s0, r - piece->r0, piece->full));
+        piece->pixels +=
+            sv_warp_put(to, p, d, piece->texel, sv_warp_place(s - piece->s0, r - piece->r0, piece->full));
     }
 }
 

@@ -12,6 +12,8 @@
 #ifndef SV_RELIEF_WARP_KERNEL_H
 #define SV_RELIEF_WARP_KERNEL_H
 
+#include <string.h>
+
 #include "core/base/simd.h"
 #include "core/relief/warp.h"
 
@@ -24,7 +26,7 @@ enum { SV_WARP_STRIP = 256, SV_WARP_ROW = SV_WARP_STRIP + 16 };
 #define SV_WARP_TWIST 0.125f
 /* What rounding may do to a place in a cell: a pixel on the edge of two cells is drawn by both. */
 #define SV_WARP_EDGE (1.0f / 1024)
-/* |e1 x e2| / (|e1|^2 + |e2|^2) of a fast cell is at least this; slivers are drawn exactly. */
+/* A fast cell fills at least this share of its box in the picture; slivers are drawn exactly. */
 #define SV_WARP_SLIVER (1.0f / 1024)
 /* Texels that land farther away than this (px) are not drawn. */
 #define SV_WARP_FAR_PX 1e8f
@@ -131,17 +133,32 @@ static inline uint32_t sv_warp_place(float fu, float fv, uint32_t full)
     return u << 8 | v << 1 | full;
 }
 
-/* Larger d wins, then the smaller texel: no order of drawing changes the picture. */
-static inline uint32_t sv_warp_put(struct sv_warp_buffer *buffer, size_t p, float d, uint32_t texel,
+/* The arrays of a buffer, as the inner loops hold them in registers. */
+struct sv_warp_pixels {
+    float *restrict depth;
+    uint32_t *restrict texel;
+    uint16_t *restrict place;
+};
+
+static inline struct sv_warp_pixels sv_warp_pixels_of(const struct sv_warp_buffer *buffer)
+{
+    return (struct sv_warp_pixels){buffer->depth, buffer->texel, buffer->place};
+}
+
+/* Larger d wins, then the smaller texel: no order of drawing changes the picture. Depths are 0 or positive,
+ * so that their bits are in the order of their values. Returns 1 when the pixel held nothing before. */
+static inline uint32_t sv_warp_put(struct sv_warp_pixels to, size_t p, float d, uint32_t texel,
                                    uint32_t place)
 {
-    float before = buffer->depth[p];
-    uint32_t held = buffer->texel[p];
-    if (d < before || (d == before && texel >= held))
+    uint32_t held = to.texel[p];
+    int32_t before, now;
+    memcpy(&before, &to.depth[p], sizeof before);
+    memcpy(&now, &d, sizeof now);
+    if (now < before || (now == before && texel >= held))
         return 0;
-    buffer->depth[p] = d;
-    buffer->texel[p] = texel;
-    buffer->place[p] = (uint16_t)place;
+    to.depth[p] = d;
+    to.texel[p] = texel;
+    to.place[p] = (uint16_t)place;
     return held == SV_WARP_EMPTY;
 }
 

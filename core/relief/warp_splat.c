@@ -37,12 +37,6 @@ uint32_t sv_warp_project_scalar(const struct sv_warp_line *line, const float *t,
     return solid;
 }
 
-/* A full cell, ready to be asked for pixels: place (s, r) = (dx gsx + dy gsy, dx grx + dy gry). */
-struct quad {
-    float x0, y0, gsx, gsy, grx, gry, s_max, r_max, d0, ds, dr;
-    int i0, j0, nx, ny;
-};
-
 static float min2(float a, float b)
 {
     return a < b ? a : b;
@@ -51,16 +45,6 @@ static float min2(float a, float b)
 static float max2(float a, float b)
 {
     return a > b ? a : b;
-}
-
-static float min4(float a, float b, float c, float d)
-{
-    return min2(min2(a, b), min2(c, d));
-}
-
-static float max4(float a, float b, float c, float d)
-{
-    return max2(max2(a, b), max2(c, d));
 }
 
 /* Pixels whose centres lie in [lo, hi]: first and number, at least 0, within 0 .. size - 1. */
@@ -72,18 +56,37 @@ static int pixel_range(float lo, float hi, int size, int *first)
     return count > 0 ? (int)count : 0;
 }
 
+/* A full cell: its box, and how it is asked for pixels: (s, r) = (dx sx - dy sy, dy ry - dx rx) from the
+ * centre of its first texel. */
+struct quad {
+    float x0, y0, sx, sy, rx, ry, s_max, r_max, d0, ds, dr, box;
+    int i0, j0, nx, ny;
+};
+
+static bool quad_box(const struct sv_warp_row *up, const struct sv_warp_row *lo, int c,
+                     const struct sv_warp_buffer *buffer, struct quad *q)
+{
+    float x0 = min2(min2(up->x[c], up->x[c + 1]), min2(lo->x[c], lo->x[c + 1]));
+    float x1 = max2(max2(up->x[c], up->x[c + 1]), max2(lo->x[c], lo->x[c + 1]));
+    float y0 = min2(min2(up->y[c], up->y[c + 1]), min2(lo->y[c], lo->y[c + 1]));
+    float y1 = max2(max2(up->y[c], up->y[c + 1]), max2(lo->y[c], lo->y[c + 1]));
+    q->nx = pixel_range(x0, x1, buffer->width, &q->i0);
+    q->ny = pixel_range(y0, y1, buffer->height, &q->j0);
+    q->box = (x1 - x0) * (y1 - y0);
+    return q->nx > 0 && q->ny > 0;
+}
+
 /* Sets up cell c; false when it must be drawn exactly. */
 static bool quad_set(const struct sv_warp_row *up, const struct sv_warp_row *lo, int c, struct quad *q)
 {
     float x0 = up->x[c], y0 = up->y[c], e1x = up->x[c + 1] - x0, e1y = up->y[c + 1] - y0;
     float e2x = lo->x[c] - x0, e2y = lo->y[c] - y0, e3x = lo->x[c + 1] - x0, e3y = lo->y[c + 1] - y0;
-    float det = e1x * e2y - e1y * e2x;
-    float size = (e1x * e1x + e1y * e1y) + (e2x * e2x + e2y * e2y), inverse = 1.0f / det;
-    q->gsx = e2y * inverse;
-    q->gsy = -(e2x * inverse);
-    q->grx = -(e1y * inverse);
-    q->gry = e1x * inverse;
-    float s3 = e3x * q->gsx + e3y * q->gsy, r3 = e3x * q->grx + e3y * q->gry;
+    float det = e1x * e2y - e1y * e2x, inverse = 1.0f / det;
+    q->sx = e2y * inverse;
+    q->sy = e2x * inverse;
+    q->rx = e1y * inverse;
+    q->ry = e1x * inverse;
+    float s3 = e3x * q->sx - e3y * q->sy, r3 = e3y * q->ry - e3x * q->rx;
     q->x0 = x0;
     q->y0 = y0;
     q->s_max = max2(s3, 1) + SV_WARP_EDGE;
@@ -91,24 +94,25 @@ static bool quad_set(const struct sv_warp_row *up, const struct sv_warp_row *lo,
     q->d0 = up->d[c];
     q->ds = up->d[c + 1] - q->d0;
     q->dr = lo->d[c] - q->d0;
-    return q->nx <= SV_WARP_SMALL && q->ny <= SV_WARP_SMALL && fabsf(det) >= size * SV_WARP_SLIVER &&
+    return q->nx <= SV_WARP_SMALL && q->ny <= SV_WARP_SMALL && fabsf(det) >= q->box * SV_WARP_SLIVER &&
            fabsf(s3 - 1) <= SV_WARP_TWIST && fabsf(r3 - 1) <= SV_WARP_TWIST;
 }
 
-static uint32_t quad_draw(const struct quad *q, uint32_t tag, struct sv_warp_buffer *buffer)
+static uint32_t quad_draw(const struct quad *q, uint32_t tag, const struct sv_warp_buffer *buffer)
 {
+    struct sv_warp_pixels to = sv_warp_pixels_of(buffer);
     uint32_t pixels = 0;
+    float dx0 = ((float)q->i0 + 0.5f) - q->x0, dy0 = ((float)q->j0 + 0.5f) - q->y0;
     for (int ky = 0; ky < q->ny; ky++) {
-        float dy = (float)(q->j0 + ky) + 0.5f - q->y0;
+        float dy = dy0 + (float)ky, sy = dy * q->sy, ry = dy * q->ry;
         size_t p = (size_t)(q->j0 + ky) * (size_t)buffer->width + (size_t)q->i0;
         for (int kx = 0; kx < q->nx; kx++) {
-            float dx = (float)(q->i0 + kx) + 0.5f - q->x0;
-            float s = dx * q->gsx + dy * q->gsy, r = dx * q->grx + dy * q->gry;
+            float dx = dx0 + (float)kx, s = dx * q->sx - sy, r = ry - dx * q->rx;
             if (!(s >= -SV_WARP_EDGE && s <= q->s_max && r >= -SV_WARP_EDGE && r <= q->r_max))
                 continue;
             float d = (q->d0 + s * q->ds) + r * q->dr;
             d = min2(max2(d, 0), 1);
-            pixels += sv_warp_put(buffer, p + (size_t)kx, d, tag, sv_warp_place(s, r, 1));
+            pixels += sv_warp_put(to, p + (size_t)kx, d, tag, sv_warp_place(s, r, 1));
         }
     }
     return pixels;
@@ -130,11 +134,7 @@ int sv_warp_cells_scalar(struct sv_warp_job *job, const struct sv_warp_row *up, 
             listed += any;
             continue;
         }
-        q.nx = pixel_range(min4(up->x[c], up->x[c + 1], lo->x[c], lo->x[c + 1]),
-                           max4(up->x[c], up->x[c + 1], lo->x[c], lo->x[c + 1]), job->buffer->width, &q.i0);
-        q.ny = pixel_range(min4(up->y[c], up->y[c + 1], lo->y[c], lo->y[c + 1]),
-                           max4(up->y[c], up->y[c + 1], lo->y[c], lo->y[c + 1]), job->buffer->height, &q.j0);
-        if (q.nx == 0 || q.ny == 0)
+        if (!quad_box(up, lo, c, job->buffer, &q))
             continue;
         if (quad_set(up, lo, c, &q))
             job->pixels += quad_draw(&q, job->tag0 + (uint32_t)c, job->buffer);

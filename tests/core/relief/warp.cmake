@@ -1,0 +1,7 @@
+if(TARGET sv_relief_warp)
+  if(EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/test_warp.c)
+    sv_test(test_warp LIBS sv_relief_warp)
+  endif()
+  add_executable(bench_warp bench_warp.c)
+  target_link_libraries(bench_warp PRIVATE sv_relief_warp)
+endif()
