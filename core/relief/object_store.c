@@ -1,7 +1,7 @@
 /* object_store.c - a relief object as one block of bytes, and the store that keeps it.
  *
- * Header (magic, order of bytes, version, box, texels along the longest side), then face after face: cut,
- * displ, colour, normals, mask. Frames and sizes are not kept: they follow from the box
+ * Header (magic, order of bytes, version, box, texels along the longest side, checksum), then face after
+ * face: cut, displ, colour, normals, mask. Frames and sizes are not kept: they follow from the box
  * (sv_relief_object_face_layout), so that no bytes can name a frame that the rest of the library would not
  * make. load takes any bytes. */
 #include "core/relief/object.h"
@@ -20,7 +20,7 @@ struct file_header {
     uint32_t resolution, pad;
     double box_min[3], box_max[3];
     float cut[SV_RELIEF_FACES];
-    uint64_t checksum; /* of all that follows the header */
+    uint64_t checksum; /* of the header, this being 0, and all that follows */
 };
 
 /* Bytes of a texel: displ, colour, normal, mask. */
@@ -37,6 +37,13 @@ static size_t total_bytes(const struct sv_relief_object *object)
     for (int k = 0; k < SV_RELIEF_FACES; k++)
         bytes += texels_of(&object->face[k]) * TEXEL_BYTES;
     return bytes;
+}
+
+static uint64_t checksum(const struct file_header *header, const void *rest, size_t bytes)
+{
+    struct file_header h = *header;
+    h.checksum = 0;
+    return sv_hash_done(sv_hash_bytes(sv_hash_bytes(SV_HASH_INIT, &h, sizeof h), rest, bytes));
 }
 
 static unsigned char *put(unsigned char *at, const void *from, size_t bytes)
@@ -74,7 +81,7 @@ enum sv_status sv_relief_object_save(const struct sv_relief_object *object, void
         at = put(at, r->normal, texels * sizeof *r->normal);
         at = put(at, object->keep[k], texels);
     }
-    h.checksum = sv_hash_done(sv_hash_bytes(SV_HASH_INIT, block + sizeof h, size - sizeof h));
+    h.checksum = checksum(&h, block + sizeof h, size - sizeof h);
     put(block, &h, sizeof h);
     *data = block;
     *bytes = size;
@@ -141,7 +148,7 @@ enum sv_status sv_relief_object_load(const void *data, size_t bytes, struct sv_r
     if (bytes != expected)
         return sv_fail(error, SV_EFORMAT, "object", "has %zu bytes where its box and resolution ask for %zu",
                        bytes, expected);
-    if (h.checksum != sv_hash_done(sv_hash_bytes(SV_HASH_INIT, at, bytes - sizeof h)))
+    if (h.checksum != checksum(&h, at, bytes - sizeof h))
         return sv_fail(error, SV_EFORMAT, "checksum", "does not fit the bytes");
     status = sv_relief_object_alloc(&made, error);
     for (int k = 0; status == SV_OK && k < SV_RELIEF_FACES; k++) {
