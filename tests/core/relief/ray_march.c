@@ -205,19 +205,22 @@ static void set_surface(const struct ray_field *f, int qi, int qj, const struct 
     patch_color(f, qi, qj, along(seen->u, qi), along(seen->v, qj), seen->rgb);
 }
 
-/* The far side of a torn place between quarters, carried on flat. */
-static void set_hole(const struct ray_field *f, int i, int j, const struct line *l, struct ray_seen *seen)
+/* The far side (quarter (i, j)) of a torn place that the ray passes at (u, v): carried on flat, with the
+ * colour that it has there, at its edge. */
+static void set_hole(const struct ray_field *f, int i, int j, double u, double v, const struct line *l,
+                     struct ray_seen *seen)
 {
     const struct quarter *q = quarter_at(f, i, j);
-    size_t texel = (size_t)(j / 2) * (size_t)f->relief->width + (size_t)(i / 2);
-    double t = (q->corner[q->owner] - l->z) / l->dz;
+    seen->displ = patch(q, along(u, i), along(v, j));
+    double t = (seen->displ - l->z) / l->dz;
     seen->kind = RAY_HOLE;
     seen->u = l->u + l->du * t;
     seen->v = l->v + l->dv * t;
-    seen->displ = q->corner[q->owner];
     seen->depth_m = t;
+    patch_color(f, i, j, along(u, i), along(v, j), seen->rgb);
+    size_t texel = (size_t)(j / 2) * (size_t)f->relief->width + (size_t)(i / 2);
     for (int e = 0; e < 3; e++)
-        seen->rgb[e] = f->relief->color[texel][e];
+        seen->far_rgb[e] = f->relief->color[texel][e];
 }
 
 /* The ray goes from quarter (i, j) to (ni, nj) at t. True when it met the small step between patches of one
@@ -240,7 +243,7 @@ static bool cross(const struct ray_field *f, const int from[2], const int to[2],
     }
     if (seen->gaps++ == 0 && l->dz != 0) {
         bool a_is_far = (za < zb) == (l->dz < 0);
-        set_hole(f, a_is_far ? from[0] : to[0], a_is_far ? from[1] : to[1], l, seen);
+        set_hole(f, a_is_far ? from[0] : to[0], a_is_far ? from[1] : to[1], u, v, l, seen);
     }
     return false;
 }
@@ -288,22 +291,52 @@ static void walk(const struct ray_field *f, const struct line *l, double t0, dou
     }
 }
 
-void ray_march(const struct ray_field *field, const struct sv_camera *camera, double px, double py,
-               struct ray_seen *seen)
+/* A direction in texel coordinates. */
+static struct sv_vec3 in_texels(const struct sv_relief_frame *f, struct sv_vec3 d)
+{
+    return sv_vec3(sv_dot(d, f->a) / sv_dot(f->a, f->a), sv_dot(d, f->b) / sv_dot(f->b, f->b),
+                   sv_dot(d, f->f));
+}
+
+void ray_view_init(const struct ray_field *field, const struct sv_camera *camera, struct ray_view *view)
+{
+    const struct sv_relief_frame *f = &field->relief->frame;
+    struct sv_vec3 o[3], d[3], eye = sv_sub(camera->eye, f->origin);
+    bool parallel = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
+    /* Steps are formed over the whole picture: their rounding is not multiplied by pixels. */
+    double w = camera->width, h = camera->height;
+    sv_camera_ray(camera, 0, 0, &o[0], &d[0]);
+    sv_camera_ray(camera, w, 0, &o[1], &d[1]);
+    sv_camera_ray(camera, 0, h, &o[2], &d[2]);
+    *view = (struct ray_view){in_texels(f, sv_add(eye, o[0])),
+                              sv_scale(in_texels(f, sv_sub(o[1], o[0])), 1 / w),
+                              sv_scale(in_texels(f, sv_sub(o[2], o[0])), 1 / h),
+                              in_texels(f, d[0]),
+                              sv_scale(in_texels(f, sv_sub(d[1], d[0])), 1 / w),
+                              sv_scale(in_texels(f, sv_sub(d[2], d[0])), 1 / h),
+                              parallel ? 0 : camera->near_m,
+                              parallel ? camera->far_m : INFINITY};
+}
+
+void ray_march_view(const struct ray_field *field, const struct ray_view *view, double px, double py,
+                    struct ray_seen *seen)
 {
     const struct sv_relief *r = field->relief;
-    const struct sv_relief_frame *f = &r->frame;
-    struct sv_vec3 origin, direction;
-    bool parallel = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
-    sv_camera_ray(camera, px, py, &origin, &direction);
-    struct sv_vec3 start = sv_add(sv_sub(camera->eye, f->origin), origin);
-    double aa = sv_dot(f->a, f->a), bb = sv_dot(f->b, f->b);
-    struct line l = {sv_dot(start, f->a) / aa,     sv_dot(start, f->b) / bb,     sv_dot(start, f->f),
-                     sv_dot(direction, f->a) / aa, sv_dot(direction, f->b) / bb, sv_dot(direction, f->f)};
-    double t0 = parallel ? 0 : camera->near_m, t1 = parallel ? camera->far_m : INFINITY;
+    struct sv_vec3 at = sv_madd(sv_madd(view->start, view->start_x, px), view->start_y, py);
+    struct sv_vec3 by = sv_madd(sv_madd(view->step, view->step_x, px), view->step_y, py);
+    struct line l = {at.x, at.y, at.z, by.x, by.y, by.z};
+    double t0 = view->near, t1 = view->far;
     double slack = 1e-9 * (1 + fabs((double)r->displ_max) + fabs((double)r->displ_min));
     *seen = (struct ray_seen){.kind = RAY_NOTHING};
     if (clip(l.u, l.du, 0, r->width, &t0, &t1) && clip(l.v, l.dv, 0, r->height, &t0, &t1) &&
         clip(l.z, l.dz, r->displ_min - slack, r->displ_max + slack, &t0, &t1))
         walk(field, &l, t0, t1, seen);
+}
+
+void ray_march(const struct ray_field *field, const struct sv_camera *camera, double px, double py,
+               struct ray_seen *seen)
+{
+    struct ray_view view;
+    ray_view_init(field, camera, &view);
+    ray_march_view(field, &view, px, py, seen);
 }

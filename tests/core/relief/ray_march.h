@@ -20,8 +20,9 @@ struct ray_seen {
     enum ray_kind kind;
     double u, v, displ; /* of what is seen; hole: where the far side, carried on flat, is met */
     double depth_m;     /* along the camera's axis */
-    double rgb[3]; /* sRGB code values, 0 .. 255; hole: of the far texel, which is what a fill may show */
-    int gaps;      /* torn places passed before */
+    double rgb[3];      /* sRGB code values, 0 .. 255; hole: of the far side's edge where the ray passed it */
+    double far_rgb[3];  /* hole: of the far texel itself; a fill may filter along the edge or not */
+    int gaps;           /* torn places passed before */
 };
 
 /* A relief prepared for rays: its patches. Borrows the relief. */
@@ -29,6 +30,15 @@ struct ray_field;
 struct ray_field *ray_field_create(const struct sv_relief *relief); /* NULL: no memory */
 void ray_field_destroy(struct ray_field *field);
 
+/* A camera prepared for many rays: they are affine in the picture's coordinates. */
+struct ray_view {
+    struct sv_vec3 start, start_x, start_y, step, step_x,
+        step_y; /* in texel coordinates; at (0, 0), a pixel right, down */
+    double near, far;
+};
+void ray_view_init(const struct ray_field *field, const struct sv_camera *camera, struct ray_view *view);
+void ray_march_view(const struct ray_field *field, const struct ray_view *view, double px, double py,
+                    struct ray_seen *seen);
 /* What the ray of picture position (px, py) sees first, beyond the camera's near plane. */
 void ray_march(const struct ray_field *field, const struct sv_camera *camera, double px, double py,
                struct ray_seen *seen);
