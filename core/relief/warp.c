@@ -49,7 +49,7 @@ enum sv_status sv_warp_buffer_create(int width, int height, struct sv_warp_buffe
     struct sv_warp_buffer b = {.width = width, .height = height, .x1 = width, .y1 = height};
     b.depth = malloc(n * sizeof *b.depth);
     b.texel = malloc(n * sizeof *b.texel);
-    b.place = malloc(n * sizeof *b.place);
+    b.place = calloc(n, sizeof *b.place);
     b.tears = calloc(1, sizeof *b.tears);
     if (!b.depth || !b.texel || !b.place || !b.tears) {
         sv_warp_buffer_finish(&b);
@@ -65,8 +65,10 @@ void sv_warp_buffer_finish(struct sv_warp_buffer *buffer)
     free(buffer->depth);
     free(buffer->texel);
     free(buffer->place);
-    if (buffer->tears)
+    if (buffer->tears) {
         free(buffer->tears->items);
+        free(buffer->tears->holes);
+    }
     free(buffer->tears);
     memset(buffer, 0, sizeof *buffer);
 }
@@ -85,7 +87,6 @@ void sv_warp_clear(struct sv_warp_buffer *buffer)
     buffer->y0 = buffer->height;
     buffer->x1 = buffer->y1 = 0;
     buffer->tears->count = 0;
-    buffer->tears->lost = false;
 }
 
 void sv_warp_touch(struct sv_warp_buffer *buffer, int x0, int y0, int x1, int y1)
@@ -103,8 +104,7 @@ void sv_warp_tear_add(struct sv_warp_buffer *buffer, const struct sv_warp_tear *
         size_t room = tears->room ? tears->room * 2 : 256;
         struct sv_warp_tear *items = realloc(tears->items, room * sizeof *items);
         if (!items) {
-            tears->lost = true;
-            return;
+            return; /* what it opens stays a hole */
         }
         tears->items = items;
         tears->room = room;

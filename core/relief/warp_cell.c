@@ -14,20 +14,30 @@
  * rounded apart from the straight edge of the neighbour. */
 #define RUN_SLACK (1.0 / 128)
 
+/* Affine functions over the picture, from their values at a triangle's corners. */
+struct basis {
+    double x1, y1, x2, y2; /* edges from the first corner, over the determinant; 0 for a line */
+};
+
 struct plane {
     double value, by_x, by_y;
 };
 
-/* Affine function over the picture with values f at the corners; `first` is where values count from. */
-static struct plane plane_of(const struct sv_warp_corner c[3], double det, double f0, double f1, double f2)
+static struct basis basis_of(const struct sv_warp_corner c[3])
 {
-    struct plane p = {f0, 0, 0};
     double x1 = c[1].x - c[0].x, y1 = c[1].y - c[0].y, x2 = c[2].x - c[0].x, y2 = c[2].y - c[0].y;
+    double det = x1 * y2 - x2 * y1;
     if (fabs(det) <= 1e-9 * (x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2))
-        return p; /* a line: what holds at the first corner must do */
-    p.by_x = ((f1 - f0) * y2 - (f2 - f0) * y1) / det;
-    p.by_y = ((f2 - f0) * x1 - (f1 - f0) * x2) / det;
-    return p;
+        return (struct basis){0, 0, 0, 0}; /* what holds at the first corner must do */
+    double inverse = 1 / det;
+    return (struct basis){x1 * inverse, y1 * inverse, x2 * inverse, y2 * inverse};
+}
+
+static struct plane plane_of(const struct basis *b, double f0, double f1, double f2)
+{
+    f1 -= f0;
+    f2 -= f0;
+    return (struct plane){f0, f1 * b->y2 - f2 * b->y1, f2 * b->x1 - f1 * b->x2};
 }
 
 /* Widens [lo, hi] by where the edge a - b meets the line y. The same numbers whichever way it is given. */
@@ -66,11 +76,11 @@ int64_t sv_warp_triangle(const struct sv_warp_buffer *buffer, const struct sv_wa
     double j0 = fmax(ceil(y_min - 0.5), 0), j1 = fmin(floor(y_max - 0.5), buffer->height - 1);
     if (!(j0 <= j1) || !(fmax(x_min, 0) <= fmin(x_max, buffer->width)))
         return 0;
-    double det = (c[1].x - c[0].x) * (c[2].y - c[0].y) - (c[2].x - c[0].x) * (c[1].y - c[0].y);
+    struct basis basis = basis_of(c);
     double w = 1 / c[0].inverse_w, q1 = c[1].inverse_w * w, q2 = c[2].inverse_w * w;
-    struct plane d = plane_of(c, det, c[0].d, c[1].d, c[2].d), q = plane_of(c, det, 1, q1, q2);
-    struct plane s = plane_of(c, det, c[0].s, c[1].s * q1, c[2].s * q2);
-    struct plane r = plane_of(c, det, c[0].r, c[1].r * q1, c[2].r * q2);
+    struct plane d = plane_of(&basis, c[0].d, c[1].d, c[2].d), q = plane_of(&basis, 1, q1, q2);
+    struct plane s = plane_of(&basis, c[0].s, c[1].s * q1, c[2].s * q2);
+    struct plane r = plane_of(&basis, c[0].r, c[1].r * q1, c[2].r * q2);
     struct sv_warp_run run = {.d_min = (float)min3(c[0].d, c[1].d, c[2].d),
                               .d_max = (float)max3(c[0].d, c[1].d, c[2].d)};
     int64_t tested = 0;
@@ -130,8 +140,10 @@ struct cell {
     int column, row;
     double t[4], x[4], y[4], d[4];
     bool there[4],
-        joined[4][2];   /* [k][0]: to the neighbour in its row, k ^ 1; [k][1]: in its column, k ^ 2 */
-    double middle_t[4]; /* at the cell's middle, for the surface that texel k belongs to */
+        joined[4][2]; /* [k][0]: to the neighbour in its row, k ^ 1; [k][1]: in its column, k ^ 2 */
+    unsigned set[4];  /* texels that k hangs together with, itself included */
+    struct sv_warp_corner centre[4], edge[4][2], middle[4]; /* of texel k's surface */
+    bool in_front[4];                                       /* all of texel k's corners are */
 };
 
 static void cell_load(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
@@ -156,27 +168,6 @@ static void cell_load(struct sv_warp_job *job, const struct sv_warp_row *up, con
         }
 }
 
-/* Texels of a cell hang together along joined edges; the middle is at the mean of each such set. */
-static void cell_middles(struct cell *cell)
-{
-    unsigned set[4] = {1, 2, 4, 8};
-    for (int pass = 0; pass < 3; pass++)
-        for (int k = 0; k < 4; k++)
-            for (int way = 0; way < 2; way++)
-                if (cell->joined[k][way])
-                    set[k] |= set[k ^ (1 << way)];
-    for (int k = 0; k < 4; k++) {
-        double sum = 0;
-        int n = 0;
-        for (int i = 0; i < 4; i++)
-            if (set[k] >> i & 1) {
-                sum += cell->t[i];
-                n++;
-            }
-        cell->middle_t[k] = sum / n;
-    }
-}
-
 /* The corner at (s, r) of the cell at t; false when it is not in front of the eye. */
 static bool corner_at(const struct cell *cell, double s, double r, double t, struct sv_warp_corner *corner)
 {
@@ -193,13 +184,53 @@ static bool corner_at(const struct cell *cell, double s, double r, double t, str
 }
 
 /* Texel k's centre: where the row has it, so that fast and exact cells meet. */
-static bool corner_of_texel(const struct cell *cell, int k, struct sv_warp_corner *corner)
+static bool corner_of_texel(struct cell *cell, int k)
 {
+    struct sv_warp_corner *corner = &cell->centre[k];
     bool in_front = corner_at(cell, k & 1, k >> 1, cell->t[k], corner);
     corner->x = cell->x[k];
     corner->y = cell->y[k];
     corner->d = cell->d[k];
     return in_front;
+}
+
+/* Middle of texel k's edge to its neighbour `way`, as texel k's surface has it: shared when joined. */
+static bool corner_of_edge(struct cell *cell, int k, int way)
+{
+    int other = k ^ (1 << way);
+    if (cell->joined[k][way] && other < k) {
+        cell->edge[k][way] = cell->edge[other][way];
+        return cell->in_front[other];
+    }
+    double t = cell->joined[k][way] ? 0.5 * (cell->t[k] + cell->t[other]) : cell->t[k];
+    return corner_at(cell, way == 0 ? 0.5 : k & 1, way == 0 ? k >> 1 : 0.5, t, &cell->edge[k][way]);
+}
+
+/* The cell's middle is at the mean of the texels that k hangs together with, one place for them all. */
+static bool corner_of_middle(struct cell *cell, int k)
+{
+    int first = __builtin_ctz(cell->set[k]);
+    if (first < k) {
+        cell->middle[k] = cell->middle[first];
+        return cell->in_front[first];
+    }
+    double sum = 0;
+    for (int i = 0; i < 4; i++)
+        sum += cell->set[k] >> i & 1 ? cell->t[i] : 0;
+    return corner_at(cell, 0.5, 0.5, sum / __builtin_popcount(cell->set[k]), &cell->middle[k]);
+}
+
+static void cell_corners(struct cell *cell)
+{
+    for (int k = 0; k < 4; k++)
+        cell->set[k] = 1u << k;
+    for (int pass = 0; pass < 3; pass++)
+        for (int k = 0; k < 4; k++)
+            for (int way = 0; way < 2; way++)
+                cell->set[k] |= cell->joined[k][way] ? cell->set[k ^ (1 << way)] : 0;
+    for (int k = 0; k < 4; k++)
+        cell->in_front[k] = cell->there[k] && corner_of_texel(cell, k) && corner_of_edge(cell, k, 0) &&
+                            corner_of_edge(cell, k, 1) && corner_of_middle(cell, k);
 }
 
 /* Whether the box of four corners holds a pixel centre. */
@@ -245,47 +276,34 @@ static void draw_full(struct cell *cell)
     static const int around[4] = {0, 1, 3, 2};
     struct sv_warp_corner c[4];
     struct piece piece = {.buffer = cell->job->buffer, .texel = texel_of(cell, 0), .full = 1};
-    for (int k = 0; k < 4; k++)
-        if (!corner_of_texel(cell, around[k], &c[k]))
+    for (int k = 0; k < 4; k++) {
+        if (!corner_of_texel(cell, around[k]))
             return;
+        c[k] = cell->centre[around[k]];
+    }
     patch_draw(cell, c, &piece);
-}
-
-/* Middle of texel k's edge to its neighbour `way`, and of the cell, as texel k's surface has them. */
-static bool corner_of_edge(const struct cell *cell, int k, int way, struct sv_warp_corner *corner)
-{
-    double t = cell->joined[k][way] ? 0.5 * (cell->t[k] + cell->t[k ^ (1 << way)]) : cell->t[k];
-    return way == 0 ? corner_at(cell, 0.5, k >> 1, t, corner) : corner_at(cell, k & 1, 0.5, t, corner);
-}
-
-static bool corner_of_middle(const struct cell *cell, int k, struct sv_warp_corner *corner)
-{
-    return corner_at(cell, 0.5, 0.5, cell->middle_t[k], corner);
 }
 
 static void draw_quarter(struct cell *cell, int k)
 {
-    struct sv_warp_corner c[4];
+    struct sv_warp_corner c[4] = {cell->centre[k], cell->edge[k][0], cell->middle[k], cell->edge[k][1]};
     struct piece piece = {.buffer = cell->job->buffer,
                           .texel = texel_of(cell, k),
                           .s0 = (float)(k & 1) - 0.5f,
                           .r0 = (float)(k >> 1) - 0.5f};
-    if (corner_of_texel(cell, k, &c[0]) && corner_of_edge(cell, k, 0, &c[1]) &&
-        corner_of_middle(cell, k, &c[2]) && corner_of_edge(cell, k, 1, &c[3]))
-        patch_draw(cell, c, &piece);
+    patch_draw(cell, c, &piece);
 }
 
 /* Notes the wall that opens between texel k and its neighbour `way` inside of this cell. */
 static void note_tear(struct cell *cell, int k, int way)
 {
     int other = k ^ (1 << way), far = cell->d[other] < cell->d[k] ? other : k, near = far ^ (1 << way);
-    struct sv_warp_corner c[4];
+    struct sv_warp_corner c[4] = {cell->edge[far][way], cell->middle[far], cell->middle[near],
+                                  cell->edge[near][way]};
     int box[4];
-    if (!corner_of_edge(cell, far, way, &c[0]) || !corner_of_middle(cell, far, &c[1]) ||
-        !corner_of_middle(cell, near, &c[2]) || !corner_of_edge(cell, near, way, &c[3]) ||
-        !box_shows(cell->job->buffer, c, box))
+    if (!box_shows(cell->job->buffer, c, box))
         return;
-    struct sv_warp_tear tear = {.d = (float)cell->d[far], .texel = texel_of(cell, far)};
+    struct sv_warp_tear tear = {.texel = texel_of(cell, far)};
     for (int i = 0; i < 4; i++) {
         tear.x[i] = (float)c[i].x;
         tear.y[i] = (float)c[i].y;
@@ -306,12 +324,14 @@ void sv_warp_cell(struct sv_warp_job *job, const struct sv_warp_row *upper, cons
         draw_full(&cell);
         return;
     }
-    cell_middles(&cell);
+    cell_corners(&cell);
     for (int k = 0; k < 4; k++)
-        if (cell.there[k])
+        if (cell.in_front[k])
             draw_quarter(&cell, k);
     for (int k = 0; k < 4; k += 3)
-        for (int way = 0; way < 2; way++)
-            if (cell.there[k] && cell.there[k ^ (1 << way)] && !cell.joined[k][way])
+        for (int way = 0; way < 2; way++) {
+            int other = k ^ (1 << way);
+            if (cell.in_front[k] && cell.in_front[other] && !cell.joined[k][way])
                 note_tear(&cell, k, way);
+        }
 }

@@ -6,89 +6,141 @@
  * side is nearest to it in the picture: behind a thin trunk each half is filled from its own side. Background
  * that no surface borders is on no wall. Cost goes with the walls' pixels. */
 #include <math.h>
+#include <stdlib.h>
 
 #include "core/relief/warp_kernel.h"
 
+/* Pixel centres this near (px) to a wall belong to it: pieces of the sheet are rounded apart. */
+#define WALL_SLACK (1.0f / 64)
+
+/* A wall, as it is asked for pixels: from the first far corner g goes to the near side (0 .. 1), e along the
+ * far side (0 .. 1): (g, e) = (dx gx + dy gy, dx ex + dy ey). */
 struct wall {
-    struct sv_warp_buffer *buffer;
     const struct sv_warp_tear *tear;
-    float length_px; /* from far to near side */
-    uint32_t holes;
+    float gx, gy, ex, ey, e0, length_px;
 };
 
-/* First pass: depth[] of a hole is -1 - distance (px) to the far side that it goes to; ties to the smaller
- * texel. */
-static void claim_run(void *context, const struct sv_warp_run *run)
+static void wall_set(const struct sv_warp_tear *tear, struct wall *wall)
 {
-    struct wall *wall = context;
-    struct sv_warp_buffer *buffer = wall->buffer;
-    uint32_t texel = wall->tear->texel | SV_WARP_FILLED;
-    size_t p = (size_t)run->j * (size_t)buffer->width + (size_t)run->i0;
-    for (int k = 0; k <= run->i1 - run->i0; k++, p++) {
-        uint32_t held = buffer->texel[p];
-        if (held != SV_WARP_EMPTY && !(held & SV_WARP_FILLED))
-            continue;
-        float g = run->d + (float)k * run->d_step, s, r;
-        g = -1 - wall->length_px * (g > 0 ? g < 1 ? g : 1 : 0);
-        if (held != SV_WARP_EMPTY && (g < buffer->depth[p] || (g == buffer->depth[p] && texel >= held)))
-            continue;
-        sv_warp_run_place(run, k, &s, &r);
-        sv_warp_touch(buffer, run->i0 + k, run->j, run->i0 + k + 1, run->j + 1);
-        wall->holes += held == SV_WARP_EMPTY;
-        buffer->texel[p] = texel;
-        buffer->depth[p] = g;
-        buffer->place[p] = (uint16_t)sv_warp_place(s, r, 0);
+    float wx = 0.5f * (tear->x[3] - tear->x[0] + tear->x[2] - tear->x[1]);
+    float wy = 0.5f * (tear->y[3] - tear->y[0] + tear->y[2] - tear->y[1]);
+    float ex = tear->x[1] - tear->x[0], ey = tear->y[1] - tear->y[0];
+    float det = wx * ey - wy * ex, length = hypotf(wx, wy), foot = hypotf(ex, ey);
+    *wall = (struct wall){.tear = tear, .length_px = length};
+    if (fabsf(det) > 1e-4f * length * foot) {
+        wall->gx = ey / det;
+        wall->gy = -ex / det;
+        wall->ex = -wy / det;
+        wall->ey = wx / det;
+    } else if (length > 0) { /* seen along its foot: only the distance counts */
+        wall->gx = wx / (length * length);
+        wall->gy = wy / (length * length);
+        wall->e0 = 0.5f;
     }
 }
 
-/* Second pass: the depth of what it shows. */
-static void settle_run(void *context, const struct sv_warp_run *run)
+static float unit(float v)
 {
-    struct wall *wall = context;
-    struct sv_warp_buffer *buffer = wall->buffer;
-    uint32_t texel = wall->tear->texel | SV_WARP_FILLED;
-    size_t p = (size_t)run->j * (size_t)buffer->width + (size_t)run->i0;
-    for (int k = 0; k <= run->i1 - run->i0; k++, p++)
-        if (buffer->texel[p] == texel)
-            buffer->depth[p] = wall->tear->d;
+    return v > 0 ? v < 1 ? v : 1 : 0; /* NaN: 0 */
 }
 
-/* The wall as two triangles; corner.d runs from 0 on the far side to 1 on the near side. */
-static int64_t wall_walk(struct wall *wall, sv_warp_run_sink sink)
+/* A pixel that shows nothing yet goes to this wall; one that another wall has filled, if this one's far side
+ * is nearer. While walls compete depth[] is -1 - distance (px). */
+static void wall_claim(const struct wall *wall, struct sv_warp_buffer *buffer, int i, int j)
 {
     const struct sv_warp_tear *tear = wall->tear;
-    struct sv_warp_corner c[4];
-    for (int k = 0; k < 4; k++) {
-        int end = k < 2 ? k : 3 - k;
-        c[k] = (struct sv_warp_corner){.x = tear->x[k], .y = tear->y[k], .d = k >= 2};
-        c[k].inverse_w = 1;
-        c[k].s = tear->s[end];
-        c[k].r = tear->r[end];
+    struct sv_warp_tears *tears = buffer->tears;
+    size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
+    uint32_t held = buffer->texel[p], texel = tear->texel | SV_WARP_FILLED;
+    if (held != SV_WARP_EMPTY && !(held & SV_WARP_FILLED))
+        return;
+    float dx = (float)i + 0.5f - tear->x[0], dy = (float)j + 0.5f - tear->y[0];
+    float g = -1 - wall->length_px * unit(dx * wall->gx + dy * wall->gy);
+    float e = unit(dx * wall->ex + dy * wall->ey + wall->e0);
+    if (held == SV_WARP_EMPTY) {
+        if (tears->hole_count == tears->hole_room) {
+            size_t room = tears->hole_room ? tears->hole_room * 2 : 1024;
+            uint32_t *holes = realloc(tears->holes, room * sizeof *holes);
+            if (!holes)
+                return;
+            tears->holes = holes;
+            tears->hole_room = room;
+        }
+        tears->holes[tears->hole_count++] = (uint32_t)p;
+        sv_warp_touch(buffer, i, j, i + 1, j + 1);
+    } else if (buffer->depth[p] >= 0 || g < buffer->depth[p] || (g == buffer->depth[p] && texel >= held)) {
+        return;
     }
-    struct sv_warp_corner other[3] = {c[0], c[2], c[3]};
-    wall->length_px = fmaxf(hypotf(tear->x[3] - tear->x[0], tear->y[3] - tear->y[0]),
-                            hypotf(tear->x[2] - tear->x[1], tear->y[2] - tear->y[1]));
-    int64_t tested = sv_warp_triangle(wall->buffer, c, sink, wall);
-    return tested + sv_warp_triangle(wall->buffer, other, sink, wall);
+    buffer->texel[p] = texel;
+    buffer->depth[p] = g;
+    buffer->place[p] = (uint16_t)sv_warp_place(tear->s[0] + e * (tear->s[1] - tear->s[0]),
+                                               tear->r[0] + e * (tear->r[1] - tear->r[0]), 0);
+}
+
+/* Widens [lo, hi] by where the wall's outline meets the line y. */
+static void outline_meet(const struct sv_warp_tear *tear, float y, float *lo, float *hi)
+{
+    for (int k = 0; k < 4; k++) {
+        int next = (k + 1) & 3, a = tear->y[next] < tear->y[k] ? next : k, b = a == k ? next : k;
+        if (y < tear->y[a] - WALL_SLACK || y > tear->y[b] + WALL_SLACK)
+            continue;
+        float rise = tear->y[b] - tear->y[a], part = rise > 0 ? unit((y - tear->y[a]) / rise) : 0;
+        float x = tear->x[a] + part * (tear->x[b] - tear->x[a]);
+        *lo = fminf(*lo, rise > 0 ? x : fminf(tear->x[a], tear->x[b]));
+        *hi = fmaxf(*hi, rise > 0 ? x : fmaxf(tear->x[a], tear->x[b]));
+    }
+}
+
+/* Walks the pixels of the wall's outline (its span in each row). Returns how many. */
+static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer *buffer)
+{
+    struct wall wall;
+    float y0 = fminf(fminf(tear->y[0], tear->y[1]), fminf(tear->y[2], tear->y[3]));
+    float y1 = fmaxf(fmaxf(tear->y[0], tear->y[1]), fmaxf(tear->y[2], tear->y[3]));
+    float j0 = fmaxf(ceilf(y0 - 0.5f - WALL_SLACK), 0);
+    float j1 = fminf(floorf(y1 - 0.5f + WALL_SLACK), (float)(buffer->height - 1));
+    int64_t walked = 1;
+    wall_set(tear, &wall);
+    if (!(j0 <= j1))
+        return walked;
+    for (int j = (int)j0; j <= (int)j1; j++) {
+        float lo = INFINITY, hi = -INFINITY;
+        outline_meet(tear, (float)j + 0.5f, &lo, &hi);
+        float i0 = fmaxf(ceilf(lo - 0.5f - WALL_SLACK), 0);
+        float i1 = fminf(floorf(hi - 0.5f + WALL_SLACK), (float)(buffer->width - 1));
+        walked++;
+        if (!(i0 <= i1))
+            continue;
+        for (int i = (int)i0; i <= (int)i1; i++)
+            wall_claim(&wall, buffer, i, j);
+        walked += (int)i1 - (int)i0;
+    }
+    return walked;
+}
+
+/* Depth of a texel's centre. */
+static float texel_depth(const struct sv_warp_source *source, uint32_t texel)
+{
+    uint32_t index = texel & SV_WARP_TEXEL_MASK, width = (uint32_t)source->width;
+    double u = index % width + 0.5, v = index / width + 0.5, t = source->t[index];
+    const double *d = source->map.m[2], *w = source->map.m[3];
+    double depth = (d[0] * u + d[1] * v + d[2] * t + d[3]) / (w[0] * u + w[1] * v + w[2] * t + w[3]);
+    return depth > 0 ? depth < 1 ? (float)depth : 1 : 0;
 }
 
 void sv_warp_fill(const struct sv_warp_source *sources, unsigned count, struct sv_warp_buffer *buffer,
                   struct sv_warp_stats *stats)
 {
-    const struct sv_warp_tears *tears = buffer->tears;
+    struct sv_warp_tears *tears = buffer->tears;
     int64_t budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height;
-    uint32_t holes = 0;
-    size_t done = 0;
-    (void)sources;
-    (void)count;
-    for (; done < tears->count && budget > 0; done++) {
-        struct wall wall = {.buffer = buffer, .tear = &tears->items[done]};
-        budget -= wall_walk(&wall, claim_run);
-        holes += wall.holes;
+    tears->hole_count = 0;
+    for (size_t i = 0; i < tears->count && budget > 0; i++)
+        budget -= wall_walk(&tears->items[i], buffer);
+    for (size_t i = 0; i < tears->hole_count; i++) {
+        size_t p = tears->holes[i];
+        unsigned k = buffer->texel[p] >> SV_WARP_TEXEL_BITS & (SV_WARP_SOURCES_MAX - 1);
+        if (k < count)
+            buffer->depth[p] = texel_depth(&sources[k], buffer->texel[p]);
     }
-    for (size_t i = 0; i < done; i++) {
-        struct wall wall = {.buffer = buffer, .tear = &tears->items[i]};
-        wall_walk(&wall, settle_run);
-    }
-    stats->holes += holes;
+    stats->holes += (uint32_t)tears->hole_count;
 }

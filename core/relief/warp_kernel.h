@@ -50,14 +50,14 @@ struct sv_warp_line {
 struct sv_warp_tear {
     float x[4], y[4]; /* the wall, around it: two corners on the far side, then two on the near side */
     float s[2], r[2]; /* place of the far corners from the far texel's own corner, texels */
-    float d;          /* of the far texel */
     uint32_t texel;   /* the far one, with its source */
 };
 
 struct sv_warp_tears {
     size_t count, room;
     struct sv_warp_tear *items;
-    bool lost; /* no memory: some are missing */
+    size_t hole_count, hole_room;
+    uint32_t *holes; /* pixels: room for sv_warp_fill */
 };
 
 struct sv_warp_job {
