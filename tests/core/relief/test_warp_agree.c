@@ -290,9 +290,10 @@ static void compare_ways(int k, const struct sv_relief *r, const struct ray_fiel
         struct warp_difference d = warp_picture_compare(w == 0 ? &on_plane : &truth, &pictures[w], LEVELS);
         double share = percent(d.differ, d.pixels), without = percent(d.differ - d.in_hole, d.pixels);
         if (w == 0)
-            print_message(" %4d x %-4d holes %5.2f |", c.width, c.height, percent(truth.holes, d.pixels));
-        print_message(" %6.2f %6.2f, %5.2f > %4.2f |", share, without, percent(pictures[w].holes, d.pixels),
-                      percent(pictures[w].holes_left, d.pixels));
+            print_message(" %4d x %-4d holes %5.2f |", c.width, c.height, percent(truth.holes, truth.shown));
+        print_message(" %6.2f %6.2f, %5.2f > %4.2f |", share, without,
+                      percent(pictures[w].holes, pictures[w].shown),
+                      percent(pictures[w].holes_left, pictures[w].shown));
         count(tally, w, k, &d);
     }
     print_message("\n");
@@ -328,7 +329,7 @@ static void pictures_agree(void **state)
     size_t step = all && strcmp(all, "1") == 0 ? 1 : 2;
     print_message("columns: pixels that differ by more than %d levels from the ray march, the same without "
                   "its holes, holes "
-                  "before > after filling; all in %%\n",
+                  "before > after filling (two-pass: of its samples); all in %%\n",
                   LEVELS);
     print_message("ways: %s | %s | %s | %s\n", ways[0], ways[1], ways[2], ways[3]);
     for (int k = 0; k < NAMED_COUNT; k++) {

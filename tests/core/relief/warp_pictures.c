@@ -70,6 +70,7 @@ static void march_pixel(const struct ray_field *field, const struct ray_view *vi
         picture->unfiltered[p][e] = (uint8_t)lrint(seen.kind == RAY_HOLE ? seen.far_rgb[e] : seen.rgb[e]);
     }
     picture->rgba[p][3] = 255;
+    picture->shown++;
     picture->hole[p] = seen.kind == RAY_HOLE;
     picture->holes += seen.kind == RAY_HOLE;
     picture->holes_left = picture->holes;
@@ -85,6 +86,14 @@ void warp_picture_truth(const struct ray_field *field, const struct sv_camera *c
         for (int i = 0; i < camera->width; i++)
             march_pixel(field, &view, i + 0.5, j + 0.5, (size_t)j * (size_t)camera->width + (size_t)i,
                         picture);
+}
+
+static uint32_t count_shown(const uint8_t (*rgba)[4], int width, int height)
+{
+    uint32_t shown = 0;
+    for (size_t p = 0; p < (size_t)width * (size_t)height; p++)
+        shown += rgba[p][3] != 0;
+    return shown;
 }
 
 void warp_picture_direct(const struct sv_relief *relief, const struct sv_camera *camera, enum sv_simd level,
@@ -109,6 +118,7 @@ void warp_picture_direct(const struct sv_relief *relief, const struct sv_camera 
         picture->rgba[p][3] = buffer.texel[p] == SV_WARP_EMPTY ? 0 : 255;
         picture->hole[p] = buffer.texel[p] != SV_WARP_EMPTY && (buffer.texel[p] & SV_WARP_FILLED);
     }
+    picture->shown = count_shown((const uint8_t(*)[4])picture->rgba, picture->width, picture->height);
     picture->holes = stats.holes;
     picture->holes_left = stats.holes_left;
     sv_warp_buffer_finish(&buffer);
@@ -180,6 +190,7 @@ void warp_picture_prewarp(const struct sv_relief *relief, const struct sv_camera
             sv_relief_locate(f, sv_madd(sv_add(start, f->origin), direction, t), &u, &v, &displ);
             (void)sample(&warped, u, v, picture->rgba[(size_t)j * (size_t)camera->width + (size_t)i]);
         }
+    picture->shown = count_shown((const uint8_t(*)[4])warped.color, warped.width, warped.height);
     picture->holes = warped.holes;
     picture->holes_left = warped.holes_left;
     sv_warped_finish(&warped);
@@ -207,6 +218,7 @@ void warp_picture_on_plane(const struct sv_relief *relief, const struct ray_fiel
                         0.5 * camera->height - focal * sv_dot(d, camera->up), p, truth);
             memcpy(warped->rgba[p], w.color[p], 4);
         }
+    warped->shown = count_shown((const uint8_t(*)[4])w.color, w.width, w.height);
     warped->holes = w.holes;
     warped->holes_left = w.holes_left;
     sv_warped_finish(&w);

@@ -17,7 +17,8 @@ struct warp_picture {
         *unfiltered)[4]; /* truth: in holes the far texel's own colour, else rgba once more; others: NULL */
     uint8_t *hole;       /* 1: a hole (filled or not) */
     uint8_t *edge; /* truth of small pictures: an outline passes within WARP_PICTURE_TIE_PX of the centre */
-    uint32_t holes, holes_left;
+    uint32_t holes, holes_left,
+        shown; /* pixels, or samples of the warped texture; shown: something is there */
 };
 void warp_picture_finish(struct warp_picture *picture);
 
