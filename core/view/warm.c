@@ -2,7 +2,8 @@
  *
  * A variant of a shader depends on the formats that are attached and on blending, not on the camera, the sun
  * or the air, which are uniforms. So one pose does, if it sees ground near and far (terrain/draw.c has a
- * program for each zone of depth) and trees both as polygons and as impostors. */
+ * program for each zone of depth) and trees both as polygons and as impostors; objects have a pose of their
+ * own. */
 #include "core/view/warm.h"
 
 #include <math.h>
@@ -36,6 +37,30 @@ static void choose_pose(const struct sv_scene *scene, struct sv_view_request *re
     request->eye.z = fmax(ground, tree->z) + fmax(h / 2, 0.5);
 }
 
+/* The first object from a distance of two of its heights, in one form and in the other. */
+static enum sv_status warm_objects(struct sv_renderer *renderer, const struct sv_scene *scene,
+                                   struct sv_view_request request, struct sv_error *error)
+{
+    const struct sv_scene_object *o = &scene->objects[0];
+    double up = o->z + 0.5 * o->height_m, ground = up;
+    request.eye =
+        (struct sv_place){.form = SV_PLACE_XY, .x = o->x, .y = o->y - 2 * o->height_m, .has_z = true};
+    (void)sv_heightfield_height(&scene->terrain.field, request.eye.x, request.eye.y, &ground);
+    request.eye.z = fmax(ground, o->z) + o->height_m;
+    request.target = (struct sv_place){.form = SV_PLACE_XY, .x = o->x, .y = o->y, .has_z = true, .z = up};
+    struct sv_resolved_view view;
+    enum sv_status status = sv_view_resolve(scene, &request, &view, NULL, error);
+    for (int form = 0; form < 2 && !status; form++) {
+        struct sv_picture picture;
+        view.plan.draw_trees = false;
+        view.plan.relief_texel_px = form ? INFINITY : 0;
+        status = sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, error);
+        if (!status)
+            sv_picture_finish(&picture);
+    }
+    return status;
+}
+
 enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene *scene, unsigned layers,
                             struct sv_error *error)
 {
@@ -57,5 +82,5 @@ enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene 
     status = sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, error);
     if (!status)
         sv_picture_finish(&picture);
-    return status;
+    return !status && scene->object_count > 0 ? warm_objects(renderer, scene, request, error) : status;
 }
