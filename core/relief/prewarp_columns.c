@@ -61,14 +61,17 @@ static void draw(const struct sv_prewarp_work *w, int x, const struct piece *p)
     }
 }
 
-/* The texels a of the upper row and b of the lower one are one surface: one goes along the upper row, over a
- * place where the rows hold together, and along the lower one, between a and b. */
-static bool joined(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above, int a,
-                   const struct sv_prewarp_row *below, int b)
+/* A sample of the upper row and one of the lower are one surface: one goes along the upper row, over a place
+ * where the rows hold together, and along the lower one, no farther than the texels that they lie between. */
+static bool joined(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above,
+                   const struct sv_prewarp_sample *a, const struct sv_prewarp_row *below,
+                   const struct sv_prewarp_sample *b)
 {
-    int first = a < b ? a : b, last = a < b ? b : a;
-    for (int c = first; c <= last; c++)
-        if (above->run[c] == above->run[a] && below->run[c] == below->run[b] &&
+    int first = (int)floorf(fminf(a->u, b->u) - 0.5f), last = (int)floorf(fmaxf(a->u, b->u) - 0.5f) + 1;
+    int32_t upper = above->run[a->texel], lower = below->run[b->texel];
+    last = last < w->width ? last : w->width - 1;
+    for (int c = first > 0 ? first : 0; c <= last; c++)
+        if (above->run[c] == upper && below->run[c] == lower &&
             fabsf(above->displ[c] - below->displ[c]) <= w->relief->cut)
             return true;
     return false;
@@ -93,8 +96,7 @@ static void choose(const struct sv_prewarp_work *w, const struct sv_prewarp_row 
     for (int m = 0; m < na; m++)
         for (int n = 0; n < nb; n++) {
             int apart = a[m].texel < b[n].texel ? b[n].texel - a[m].texel : a[m].texel - b[n].texel;
-            if ((apart >= best_a[m] && apart >= best_b[n]) ||
-                !joined(w, above, a[m].texel, below, b[n].texel))
+            if ((apart >= best_a[m] && apart >= best_b[n]) || !joined(w, above, &a[m], below, &b[n]))
                 continue;
             if (apart < best_a[m])
                 best_a[m] = apart, of_a[m] = n;
@@ -163,7 +165,7 @@ void sv_prewarp_warp_columns(const struct sv_prewarp_work *w, const struct sv_pr
         if (na == 1 && nb == 1) { /* nearly always */
             const struct sv_prewarp_sample *a = above->samples + (size_t)x * SV_PREWARP_LAYERS;
             const struct sv_prewarp_sample *b = below->samples + (size_t)x * SV_PREWARP_LAYERS;
-            if (joined(w, above, a->texel, below, b->texel)) {
+            if (joined(w, above, a, below, b)) {
                 struct piece p = whole(w, a, above, b, below);
                 draw(w, x, &p);
                 continue;

@@ -1,24 +1,24 @@
 /* prewarp_fill.c - disocclusions of the two-pass warp: found, counted, filled from the far side.
  *
- * On a torn edge between two texels stands a wall, from the displ of one to that of the other. Seen so that
- * its two ends come apart (its nearer end has moved away from its farther one), it opens on what the relief
- * does not know: samples inside its picture where no texel landed are holes. Walls whose ends close over each
- * other are hidden by the surface itself. A hole takes colour, displ and texel of the wall's far end, and
- * where several walls are seen through one sample the nearest decides: walls come in McMillan's order, later
- * ones overwrite. A wall is a flat rectangle, so its picture has straight sides, and one loop along the axis
- * that it is torn along fills it.
+ * On a torn edge between two texels stands a wall, from the displ of one to that of the other; its rims
+ * follow the surfaces on either side (half a texel each way to the neighbours that they hold together with).
+ * Seen so that its two rims come apart (the nearer one has moved away from the farther one), it opens on what
+ * the relief does not know: samples inside its picture where no texel landed are holes. Walls whose rims
+ * close over each other are hidden by the surface itself. A hole takes colour, displ and texel of the wall's
+ * far rim, and where several walls are seen through one sample the nearest decides: walls come in McMillan's
+ * order, later ones overwrite.
  *
- * Walls are as long as whole texels while surfaces slope between centres: a sample that is left out between
- * a wall and its surface is closed when three of its four neighbours are there, one of them a hole. */
+ * Rounding may leave a sample out between a wall and its surface: it is closed when three of its four
+ * neighbours are there, one of them a hole. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/relief/prewarp_private.h"
 
-/* The picture of a wall: from p0 (r = 0) to p1 (r = 1) along the axis that it is torn along, between lo and
- * hi across. */
+/* A wall's picture: p along the axis that it is torn along, q across; rim 0 belongs to the texel before. */
+enum { STATIONS = 3 }; /* border, centre and border of the texel, across */
 struct wall {
-    double p0, p1, lo0, lo1, hi0, hi1;
+    double p[2][STATIONS], q[2][STATIONS];
     size_t step_p, step_q;
     int samples_p, samples_q;
     size_t far_texel;
@@ -40,57 +40,108 @@ static void copy_texel(const struct filler *f, size_t texel, size_t at)
     out->texel[at] = (uint32_t)texel;
 }
 
-static void draw_wall(struct filler *f, const struct wall *wall)
+static void mark(struct filler *f, size_t at, size_t far_texel)
 {
-    struct sv_prewarp_span along, across;
-    if (!sv_prewarp_span_init(&along, wall->p0, wall->p1, 1, 1, wall->samples_p))
+    if (f->w->out->color[at][3] && !f->hole[at])
         return;
-    for (int p = along.first; p < along.last; p++) {
-        double r = sv_prewarp_span_at(&along, p, &r);
-        double lo = wall->lo0 + r * (wall->lo1 - wall->lo0), hi = wall->hi0 + r * (wall->hi1 - wall->hi0);
-        if (!sv_prewarp_span_init(&across, lo, hi, 1, 1, wall->samples_q))
+    f->holes += !f->hole[at];
+    f->hole[at] = 1;
+    if (f->fill)
+        copy_texel(f, far_texel, at);
+}
+
+/* Where the line through two corners is at q. */
+static double edge_at(const double a[2], const double b[2], double q)
+{
+    return a[0] + sv_clamp((q - a[1]) / (b[1] - a[1]), 0, 1) * (b[0] - a[0]);
+}
+
+/* A triangle of corners (p, q), row by row; corners need no order. */
+static void draw_triangle(struct filler *f, const struct wall *wall, const double *a, const double *b,
+                          const double *c)
+{
+    const double *low = a[1] < b[1] ? a : b, *high = a[1] < b[1] ? b : a, *middle = c;
+    if (c[1] < low[1])
+        middle = low, low = c;
+    else if (c[1] > high[1])
+        middle = high, high = c;
+    struct sv_prewarp_span rows, row;
+    if (!sv_prewarp_span_init(&rows, low[1], high[1], 1, 1, wall->samples_q))
+        return;
+    for (int y = rows.first; y < rows.last; y++) {
+        double q = y + 0.5, p0 = edge_at(low, high, q);
+        double p1 = q < middle[1] ? edge_at(low, middle, q) : edge_at(middle, high, q);
+        if (!sv_prewarp_span_init(&row, p0, p1, 1, 1, wall->samples_p))
             continue;
-        for (int q = across.first; q < across.last; q++) {
-            size_t at = (size_t)p * wall->step_p + (size_t)q * wall->step_q;
-            if (f->w->out->color[at][3] && !f->hole[at])
-                continue;
-            f->holes += !f->hole[at];
-            f->hole[at] = 1;
-            if (f->fill)
-                copy_texel(f, wall->far_texel, at);
-        }
+        for (int x = row.first; x < row.last; x++)
+            mark(f, (size_t)x * wall->step_p + (size_t)y * wall->step_q, wall->far_texel);
     }
 }
 
-static bool drawn(const struct sv_prewarp_work *w, size_t texel, double *displ, double *tau)
+/* Twice the area; positive where rim 1 lies behind rim 0 along p. */
+static double opening(const double *a, const double *b, const double *c)
 {
-    *displ = w->relief->displ[texel];
-    *tau = 1 + w->k3 * *displ;
-    return sv_relief_solid(w->relief, texel) && *tau > w->near;
+    return (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1]);
 }
 
-/* The wall between texel `t` and the one before it, along the first (second) axis. */
+static void draw_wall(struct filler *f, const struct wall *w)
+{
+    for (int k = 0; k + 1 < STATIONS; k++) {
+        double corner[4][2];
+        for (int m = 0; m < 4; m++) {
+            corner[m][0] = w->p[m >> 1][k + (m & 1)];
+            corner[m][1] = w->q[m >> 1][k + (m & 1)];
+        }
+        if (opening(corner[0], corner[1], corner[3]) > 0)
+            draw_triangle(f, w, corner[0], corner[1], corner[3]);
+        if (opening(corner[0], corner[3], corner[2]) > 0)
+            draw_triangle(f, w, corner[0], corner[3], corner[2]);
+    }
+}
+
+static bool drawn(const struct sv_prewarp_work *w, size_t texel)
+{
+    return sv_relief_solid(w->relief, texel) && 1 + w->k3 * w->relief->displ[texel] > w->near;
+}
+
+/* displ at the border towards a neighbour, which may not be there. */
+static double border(const struct sv_prewarp_work *w, size_t texel, bool exists, size_t neighbour)
+{
+    double d = w->relief->displ[texel];
+    if (!exists || !drawn(w, neighbour) ||
+        !(fabsf(w->relief->displ[neighbour] - w->relief->displ[texel]) <= w->relief->cut))
+        return d;
+    return 0.5 * (d + w->relief->displ[neighbour]);
+}
+
+/* The wall between texel (i, j) and the one before it along the first (second) axis. */
 static void try_wall(struct filler *f, int i, int j, bool second)
 {
     const struct sv_prewarp_work *w = f->w;
-    double d[2], tau[2], pu[2][2], pv[2][2];
-    size_t t = (size_t)i * w->step_u + (size_t)j * w->step_v, before = t - (second ? w->step_v : w->step_u);
-    if (!drawn(w, before, &d[0], &tau[0]) || !drawn(w, t, &d[1], &tau[1]) ||
-        fabsf((float)d[1] - (float)d[0]) <= w->relief->cut)
+    size_t along = second ? w->step_v : w->step_u, across = second ? w->step_u : w->step_v;
+    size_t t[2] = {0, (size_t)i * w->step_u + (size_t)j * w->step_v};
+    int q = second ? i : j, count = second ? w->width : w->height;
+    t[0] = t[1] - along;
+    const float *displ = w->relief->displ;
+    if (!drawn(w, t[0]) || !drawn(w, t[1]) || fabsf(displ[t[1]] - displ[t[0]]) <= w->relief->cut)
         return;
-    for (int e = 0; e < 2; e++)
-        for (int k = 0; k < 2; k++) {
-            pu[k][e] = ((i + (second ? k : 0) + w->k1 * d[e]) / tau[e] - w->u0) * w->scale_u; /* eq. 1, 3 */
-            pv[k][e] = ((j + (second ? 0 : k) + w->k2 * d[e]) / tau[e] - w->v0) * w->scale_v; /* eq. 1, 3 */
+    struct wall wall = {.step_p = second ? w->out_step_y : w->out_step_x,
+                        .step_q = second ? w->out_step_x : w->out_step_y,
+                        .samples_p = second ? w->out_height : w->out_width,
+                        .samples_q = second ? w->out_width : w->out_height,
+                        .far_texel = w->toward * ((double)displ[t[1]] - displ[t[0]]) > 0 ? t[0] : t[1]};
+    for (int rim = 0; rim < 2; rim++) {
+        double d[STATIONS] = {border(w, t[rim], q > 0, t[rim] - across), displ[t[rim]],
+                              border(w, t[rim], q + 1 < count, t[rim] + across)};
+        for (int k = 0; k < STATIONS; k++) {
+            double tau = 1 + w->k3 * d[k], u = i + (second ? 0.5 * k : 0), v = j + (second ? 0 : 0.5 * k);
+            double x = ((u + w->k1 * d[k]) / tau - w->u0) * w->scale_u; /* eq. 1, 3 */
+            double y = ((v + w->k2 * d[k]) / tau - w->v0) * w->scale_v; /* eq. 1, 3 */
+            wall.p[rim][k] = second ? y : x;
+            wall.q[rim][k] = second ? x : y;
         }
-    size_t far_texel = w->toward * (d[1] - d[0]) > 0 ? before : t;
-    struct wall along_u = {pu[0][0],      pu[0][1],      pv[0][0],     pv[0][1],      pv[1][0], pv[1][1],
-                           w->out_step_x, w->out_step_y, w->out_width, w->out_height, far_texel};
-    struct wall along_v = {pv[0][0],      pv[0][1],      pu[0][0],      pu[0][1],     pu[1][0], pu[1][1],
-                           w->out_step_y, w->out_step_x, w->out_height, w->out_width, far_texel};
-    const struct wall *wall = second ? &along_v : &along_u;
-    if (wall->p0 < wall->p1)
-        draw_wall(f, wall);
+    }
+    draw_wall(f, &wall);
 }
 
 static void close_cracks(struct filler *f)

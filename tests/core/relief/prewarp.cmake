@@ -2,7 +2,7 @@
 if(TARGET sv_relief_prewarp AND EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/test_prewarp.c)
   sv_test(test_prewarp SOURCES test_prewarp.c named_reliefs.c ray_march.c LIBS sv_relief_prewarp sv_camera sv_base LABELS relief)
 endif()
-if(TARGET sv_relief_prewarp_draw AND TARGET sv_relief_warp)
-  sv_test(test_prewarp_draw SOURCES test_prewarp_draw.c named_reliefs.c ray_march.c LIBS sv_relief_prewarp_draw sv_relief_warp sv_gl sv_base
+if(TARGET sv_relief_prewarp_draw AND TARGET sv_relief_warp AND TARGET sv_relief_lighting)
+  sv_test(test_prewarp_draw SOURCES test_prewarp_draw.c named_reliefs.c ray_march.c LIBS sv_relief_prewarp_draw sv_relief_warp sv_relief_lighting sv_gl sv_base
           LABELS relief)
 endif()

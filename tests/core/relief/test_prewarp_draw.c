@@ -4,10 +4,8 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include <cmocka.h>
 
@@ -136,6 +134,17 @@ static bool calm(const struct ray_field *field, const struct sv_camera *c, int x
     return true;
 }
 
+static bool empty_about(const struct ray_field *field, const struct sv_camera *c, int x, int y)
+{
+    for (int k = 0; k < 9; k++) {
+        struct ray_seen s;
+        ray_march(field, c, x + 0.5 + (k % 3 - 1) * 1.5, y + 0.5 + (k / 3 - 1) * 1.5, &s);
+        if (s.kind == RAY_SURFACE)
+            return false;
+    }
+    return true;
+}
+
 static double depth_m(const struct sv_camera *c, double window)
 {
     return c->projection == SV_PROJECTION_ORTHOGRAPHIC ? c->far_m * (1 - window) : c->near_m / window;
@@ -207,9 +216,9 @@ static void pictures_and_depths(void **state)
         double angle, azimuth, magnification;
         bool parallel;
         int finer;
-    } looks[] = {{0.1, 0.5, 1, false, 1}, {0.5, 2.5, 1.5, false, 1}, {0.5, 2.5, 1.5, false, 2},
-                 {0.5, 4.0, 1, true, 2},  {1.05, 1.2, 1, false, 2},  {1.05, 5.0, 1, true, 2},
-                 {2.6, 0.7, 1, false, 2}, {2.4, 3.9, 1, true, 2}};
+    } looks[] = {{0.1, 0.5, 1, false, 1},   {0.5, 2.5, 1.5, false, 1}, {0.5, 2.5, 1.5, false, 2},
+                 {0.5, 2.5, 1.5, false, 4}, {0.5, 4.0, 1, true, 2},    {1.05, 1.2, 1, false, 2},
+                 {1.05, 5.0, 1, true, 2},   {2.6, 0.7, 1, false, 2},   {2.4, 3.9, 1, true, 2}};
     static const char *const kind[3] = {"smooth", "stepped", "noisy"};
     for (size_t n = 0; n < sizeof looks / sizeof *looks; n++)
         for (int m = 0; m < 3; m++) {
@@ -243,10 +252,227 @@ static void pictures_and_depths(void **state)
         }
 }
 
+/* ---- composition ---- */
+
+static const char polygon_vertex[] = "#include \"frame.glsl\"\n"
+                                     "layout(location = 0) uniform vec3 corner[4];\n"
+                                     "void main()\n{\n    gl_Position = clip_from_local * "
+                                     "vec4(corner[gl_VertexID], 1.0);\n}\n";
+static const char polygon_fragment[] = "layout(location = 0) out vec4 color;\n"
+                                       "layout(location = 1) out uint id;\n"
+                                       "layout(location = 2) out vec4 normal;\n"
+                                       "void main()\n{\n    color = vec4(1.0);\n    id = 9u;\n"
+                                       "    normal = vec4(0.0);\n}\n";
+
+static void draw_polygon(const struct picture *p, const struct sv_vec3 corner[4])
+{
+    unsigned program;
+    GLuint array;
+    struct sv_error error;
+    float xyz[12];
+    for (int k = 0; k < 4; k++) {
+        struct sv_vec3 local = sv_sub(corner[k], p->frame.camera.eye);
+        xyz[3 * k] = (float)local.x;
+        xyz[3 * k + 1] = (float)local.y;
+        xyz[3 * k + 2] = (float)local.z;
+    }
+    assert_int_equal(sv_gl_program_create_text(polygon_vertex, polygon_fragment, &program, &error), SV_OK);
+    gl.GenVertexArrays(1, &array);
+    gl.BindVertexArray(array);
+    gl.UseProgram(program);
+    gl.Uniform3fv(0, 4, xyz);
+    gl.DrawArrays(GL_TRIANGLE_STRIP, 0, 4);
+    gl.DeleteVertexArrays(1, &array);
+    gl.DeleteProgram(program);
+}
+
+/* Gentle waves about a plane through `middle` along a and b. */
+static struct sv_relief wavy(struct sv_vec3 middle, struct sv_vec3 a, struct sv_vec3 b, double phase)
+{
+    enum { N = 96 };
+    struct sv_relief r;
+    struct sv_error error;
+    assert_int_equal(sv_relief_alloc(N, N, &r, &error), SV_OK);
+    r.cut = 2;
+    r.frame.a = sv_scale(sv_normalize(a), 0.1);
+    r.frame.b = sv_scale(sv_normalize(b), 0.1);
+    r.frame.f = sv_normalize(sv_cross(a, b));
+    r.frame.origin = sv_madd(sv_madd(middle, r.frame.a, -0.5 * N), r.frame.b, -0.5 * N);
+    for (int t = 0; t < N * N; t++) {
+        uint8_t color[4] = {(uint8_t)(t % N * 2), (uint8_t)(t / N * 2), (uint8_t)(80 * phase), 255};
+        r.displ[t] = (float)(0.4 * sin(phase + (t % N) * 0.15) * cos(phase + (t / N) * 0.12));
+        memcpy(r.color[t], color, 4);
+    }
+    sv_relief_measure(&r);
+    sv_relief_normals(&r);
+    return r;
+}
+
+/* INFINITY beside it, NaN near its outline. */
+static double polygon_depth(const struct sv_camera *c, const struct sv_vec3 corner[4], double px, double py)
+{
+    struct sv_vec3 origin, direction,
+        n = sv_cross(sv_sub(corner[1], corner[0]), sv_sub(corner[2], corner[0]));
+    sv_camera_ray(c, px, py, &origin, &direction);
+    struct sv_vec3 to = sv_sub(sv_sub(corner[0], c->eye), origin);
+    double z = sv_dot(to, n) / sv_dot(direction, n);
+    struct sv_vec3 hit = sv_sub(sv_madd(origin, direction, z), sv_sub(corner[0], c->eye));
+    struct sv_vec3 u = sv_sub(corner[1], corner[0]), v = sv_sub(corner[2], corner[0]);
+    double s = sv_dot(hit, u) / sv_dot(u, u), t = sv_dot(hit, v) / sv_dot(v, v);
+    double out = fmax(fmax(-s, s - 1), fmax(-t, t - 1));
+    return fabs(out) < 0.02 ? NAN : z > 0 && out < 0 ? z : INFINITY;
+}
+
+static void reliefs_and_a_polygon_compose(void **state)
+{
+    struct fixture *f = *state;
+    struct sv_vec3 at = sv_vec3(500000, 4000000, 100);
+    struct sv_relief one = wavy(at, sv_vec3(1, 0, 0), sv_vec3(0, 0.8, 0.6), 0.3);
+    struct sv_relief two = wavy(at, sv_vec3(0.5, 0.2, 0.9), sv_vec3(0.2, 1, -1.0 / 3), 1.1);
+    struct sv_vec3 corner[4];
+    for (int k = 0; k < 4; k++)
+        corner[k] =
+            sv_madd(sv_madd(at, sv_vec3(0.6, -0.8, 0), k & 1 ? 5 : -5), sv_vec3(0, 0, 1), k >> 1 ? 4 : -4);
+    int views = 0;
+    long wrong = 0, seen = 0, by_id[10] = {0}, normals = 0, normals_off = 0;
+    for (int n = 0; n < 12; n++) {
+        struct sv_camera c = {.projection =
+                                  n % 3 == 2 ? SV_PROJECTION_ORTHOGRAPHIC : SV_PROJECTION_PERSPECTIVE,
+                              .vfov_rad = 0.8,
+                              .ortho_height_m = 11,
+                              .width = 160,
+                              .height = 160,
+                              .near_m = 0.1,
+                              .far_m = 100};
+        sv_camera_aim(&c, n * 0.52 + 0.1, n % 4 * 0.3 - 0.5, 0.2 * n);
+        c.eye = sv_madd(at, c.forward, -14);
+        /* a plane seen edge-on is a line: the paper's way has nothing to draw there (0.13 degrees at n = 0)
+         */
+        if (fabs(sv_dot(c.forward, one.frame.f)) < 0.1 || fabs(sv_dot(c.forward, two.frame.f)) < 0.1)
+            continue;
+        views++;
+        struct picture p;
+        picture_begin(&p, &c);
+        draw_relief(f, &p, &one, 2, 3);
+        draw_polygon(&p, corner);
+        draw_relief(f, &p, &two, 2, 4);
+        picture_read(&p);
+        struct ray_field *fields[2] = {ray_field_create(&one), ray_field_create(&two)};
+        for (int y = 0; y < c.height; y++)
+            for (int x = 0; x < c.width; x++) {
+                double z[3] = {INFINITY, INFINITY, polygon_depth(&c, corner, x + 0.5, y + 0.5)};
+                struct ray_seen s[2];
+                for (int k = 0; k < 2; k++) {
+                    ray_march(fields[k], &c, x + 0.5, y + 0.5, &s[k]);
+                    z[k] = s[k].kind == RAY_SURFACE ? s[k].depth_m : INFINITY;
+                }
+                int best = z[0] <= z[1] && z[0] <= z[2] ? 0 : z[1] <= z[2] ? 1 : 2;
+                double rest = fmin(best == 0 ? z[1] : z[0], best == 2 ? z[1] : z[2]);
+                /* judged where nothing else is within 2 cm of it, and no outline is near */
+                if (isnan(z[2]) || isinf(z[best]) || rest - z[best] < 0.02)
+                    continue;
+                bool still = true;
+                for (int k = 0; k < 2; k++)
+                    still &= s[k].kind == RAY_SURFACE ? calm(fields[k], &c, x, y, s[k].displ, 0.2)
+                                                      : empty_about(fields[k], &c, x, y);
+                if (!still)
+                    continue;
+                size_t k = (size_t)y * (size_t)c.width + (size_t)x;
+                uint32_t id = ((const uint32_t *)p.layer[SV_LAYER_ID].data)[k];
+                static const uint32_t ids[3] = {3, 4, 9};
+                seen++;
+                by_id[ids[best]]++;
+                wrong += id != ids[best];
+                if (best == 2 || id != ids[best])
+                    continue;
+                const struct sv_relief *r = best ? &two : &one;
+                const float *got = (const float *)p.layer[SV_LAYER_NORMAL].data + 3 * k;
+                size_t t = (size_t)s[best].v * (size_t)r->width + (size_t)s[best].u;
+                const int16_t *m = r->normal[t];
+                struct sv_vec3 w =
+                    sv_madd(sv_madd(sv_scale(sv_normalize(r->frame.a), m[0]), sv_normalize(r->frame.b), m[1]),
+                            r->frame.f, m[2]);
+                double along = sv_dot(sv_normalize(w), sv_normalize(sv_vec3(got[0], got[1], got[2])));
+                normals++;
+                normals_off += along < cos(0.1);
+            }
+        ray_field_destroy(fields[0]);
+        ray_field_destroy(fields[1]);
+        picture_finish(&p);
+    }
+    print_message("composition at UTM coordinates: %d views, %ld pixels judged (%ld, %ld, polygon %ld), %ld "
+                  "show the wrong one; "
+                  "normals off by more than 0.1 rad: %ld of %ld\n",
+                  views, seen, by_id[3], by_id[4], by_id[9], wrong, normals_off, normals);
+    assert_true(by_id[3] > 5000 && by_id[4] > 5000 && by_id[9] > 5000);
+    assert_true(wrong * 10000 <= seen * 5);
+    assert_true(normals_off * 100 <= normals);
+    sv_relief_finish(&one);
+    sv_relief_finish(&two);
+}
+
+/* The plane stands nearer than the near plane, what it shows does not: nothing is cut. And where the texels
+ * themselves come too near, nothing is drawn. */
+static void near_planes_cut_texels_not_planes(void **state)
+{
+    struct fixture *f = *state;
+    struct sv_relief r = wavy(sv_vec3(0, 0, 0), sv_vec3(1, 0, 0), sv_vec3(0, 1, 0), 0.3);
+    for (int n = 0; n < 2; n++) {
+        for (int t = 0; t < r.width * r.height; t++)
+            r.displ[t] = n ? 0.45f : -5;
+        sv_relief_measure(&r);
+        struct sv_camera c = {
+            .projection = SV_PROJECTION_PERSPECTIVE, .vfov_rad = 0.5, .width = 64, .height = 64, .near_m = 1};
+        sv_camera_aim(&c, 0, -SV_PI / 2, 0);
+        c.eye = sv_vec3(0, 0, 0.5);
+        struct picture p;
+        picture_begin(&p, &c);
+        draw_relief(f, &p, &r, 1, 5);
+        picture_read(&p);
+        int drawn = 0;
+        for (int k = 0; k < 64 * 64; k++) {
+            bool there = ((const uint32_t *)p.layer[SV_LAYER_ID].data)[k] == 5;
+            drawn += there;
+            double z = c.near_m / ((const float *)p.layer[SV_LAYER_DEPTH].data)[k];
+            assert_true(!there || fabs(z - 5.5) < 1e-4);
+        }
+        assert_int_equal(drawn, n ? 0 : 64 * 64);
+        picture_finish(&p);
+    }
+    sv_relief_finish(&r);
+}
+
+static void refusals(void **state)
+{
+    struct fixture *f = *state;
+    struct sv_relief r = wavy(sv_vec3(0, 0, 0), sv_vec3(1, 0, 0), sv_vec3(0, 1, 0), 0.3);
+    struct sv_camera c = {
+        .projection = SV_PROJECTION_PERSPECTIVE, .vfov_rad = 0.5, .width = 8, .height = 8, .near_m = 1};
+    struct sv_prewarp_plane plane = {&r.frame, r.cut, 1};
+    struct sv_prewarp_draw *fresh;
+    struct sv_error error;
+    struct picture p;
+    sv_camera_aim(&c, 0, 0, 0);
+    picture_begin(&p, &c);
+    assert_int_equal(sv_prewarp_draw_plane(f->draw, &p.frame, &plane, &error), SV_EINVAL); /* eye in it */
+    assert_string_equal(error.field, "camera");
+    assert_int_equal(sv_prewarp_draw_create(&fresh, &error), SV_OK);
+    p.frame.camera.eye.z = 1;
+    assert_int_equal(sv_prewarp_draw_plane(fresh, &p.frame, &plane, &error), SV_EINVAL);
+    assert_string_equal(error.field, "prewarp");
+    sv_prewarp_draw_destroy(fresh);
+    sv_prewarp_draw_destroy(NULL);
+    picture_finish(&p);
+    sv_relief_finish(&r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pictures_and_depths),
+        cmocka_unit_test(reliefs_and_a_polygon_compose),
+        cmocka_unit_test(near_planes_cut_texels_not_planes),
+        cmocka_unit_test(refusals),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
