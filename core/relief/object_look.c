@@ -229,7 +229,7 @@ static void close_pixel(struct sv_warp_buffer *b, size_t p, size_t q, size_t r)
     size_t from = b->depth[q] < b->depth[r] ? q : r;
     b->depth[p] = b->depth[from];
     b->place[p] = b->place[from];
-    b->texel[p] = b->texel[from] | SV_WARP_FILLED;
+    b->texel[p] = b->texel[from];
 }
 
 /* Gaps of one or two pixels along a row or a column, between two faces' borders: rounding of what meets

@@ -119,7 +119,7 @@ static struct sv_vec3 knot(double u, double v)
     double r = 0.092 - 0.009 * pow(0.5 + 0.5 * groove, 6) + 0.005 * pow(fmax(0, boss), 2);
     struct sv_vec3 p = sv_madd(sv_madd(at, side, r * cos(b)), up, r * sin(b));
     /* Upright: the knot's plane is turned to stand. */
-    return sv_vec3(p.x, p.z * 1.1, 0.635 - p.y * 0.95);
+    return sv_vec3(p.x, p.z * 1.1, 0.525 - p.y * 0.95);
 }
 
 static void put_pedestal(struct sv_tree_mesh *m)
