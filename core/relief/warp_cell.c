@@ -40,32 +40,53 @@ static struct plane plane_of(const struct basis *b, double f0, double f1, double
     return (struct plane){f0, f1 * b->y2 - f2 * b->y1, f2 * b->x1 - f1 * b->x2};
 }
 
-/* Widens [lo, hi] by where the edge a - b meets the line y. The same numbers whichever way it is given. */
-static void edge_meet(const struct sv_warp_corner *a, const struct sv_warp_corner *b, double y, double *lo,
-                      double *hi)
+static inline double least(double a, double b)
 {
-    if (b->y < a->y || (b->y == a->y && b->x < a->x)) {
-        const struct sv_warp_corner *swap = a;
-        a = b;
-        b = swap;
-    }
-    if (y < a->y || y > b->y)
+    return a < b ? a : b;
+}
+
+static inline double most(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+/* An edge from its upper to its lower end: the same numbers whichever way it is given. */
+struct edge {
+    double y0, y1, x0, slope, x_min, x_max;
+};
+
+static struct edge edge_of(const struct sv_warp_corner *a, const struct sv_warp_corner *b)
+{
+    bool swap = b->y < a->y || (b->y == a->y && b->x < a->x);
+    const struct sv_warp_corner *top = swap ? b : a, *end = swap ? a : b;
+    double rise = end->y - top->y;
+    return (struct edge){.y0 = top->y,
+                         .y1 = end->y,
+                         .x0 = top->x,
+                         .slope = rise > 0 ? (end->x - top->x) / rise : 0,
+                         .x_min = least(top->x, end->x),
+                         .x_max = most(top->x, end->x)};
+}
+
+/* Widens [lo, hi] by where the edge meets the line y; a level edge is met all along. */
+static inline void edge_meet(const struct edge *e, double y, double *lo, double *hi)
+{
+    if (y < e->y0 || y > e->y1)
         return;
-    double x0 = a->x, x1 = b->x;
-    if (b->y > a->y)
-        x0 = x1 = a->x + (y - a->y) * ((b->x - a->x) / (b->y - a->y));
-    *lo = fmin(*lo, fmin(x0, x1));
-    *hi = fmax(*hi, fmax(x0, x1));
+    double x = e->x0 + (y - e->y0) * e->slope;
+    bool level = e->y0 == e->y1;
+    *lo = least(*lo, level ? e->x_min : x);
+    *hi = most(*hi, level ? e->x_max : x);
 }
 
-static double min3(double a, double b, double c)
+static inline double min3(double a, double b, double c)
 {
-    return fmin(a, fmin(b, c));
+    return least(a, least(b, c));
 }
 
-static double max3(double a, double b, double c)
+static inline double max3(double a, double b, double c)
 {
-    return fmax(a, fmax(b, c));
+    return most(a, most(b, c));
 }
 
 int64_t sv_warp_triangle(const struct sv_warp_buffer *buffer, const struct sv_warp_corner c[3],
@@ -73,9 +94,10 @@ int64_t sv_warp_triangle(const struct sv_warp_buffer *buffer, const struct sv_wa
 {
     double y_min = min3(c[0].y, c[1].y, c[2].y), y_max = max3(c[0].y, c[1].y, c[2].y);
     double x_min = min3(c[0].x, c[1].x, c[2].x), x_max = max3(c[0].x, c[1].x, c[2].x);
-    double j0 = fmax(ceil(y_min - 0.5), 0), j1 = fmin(floor(y_max - 0.5), buffer->height - 1);
-    if (!(j0 <= j1) || !(fmax(x_min, 0) <= fmin(x_max, buffer->width)))
+    double j0 = most(ceil(y_min - 0.5), 0), j1 = least(floor(y_max - 0.5), buffer->height - 1);
+    if (!(j0 <= j1) || !(most(x_min, 0) <= least(x_max, buffer->width)))
         return 0;
+    struct edge edges[3] = {edge_of(&c[0], &c[1]), edge_of(&c[1], &c[2]), edge_of(&c[2], &c[0])};
     struct basis basis = basis_of(c);
     double w = 1 / c[0].inverse_w, q1 = c[1].inverse_w * w, q2 = c[2].inverse_w * w;
     struct plane d = plane_of(&basis, c[0].d, c[1].d, c[2].d), q = plane_of(&basis, 1, q1, q2);
@@ -87,9 +109,9 @@ int64_t sv_warp_triangle(const struct sv_warp_buffer *buffer, const struct sv_wa
     for (run.j = (int)j0; run.j <= (int)j1; run.j++) {
         double y = run.j + 0.5, lo = INFINITY, hi = -INFINITY;
         for (int k = 0; k < 3; k++)
-            edge_meet(&c[k], &c[k == 2 ? 0 : k + 1], y, &lo, &hi);
-        double i0 = fmax(ceil(lo - 0.5 - RUN_SLACK), 0);
-        double i1 = fmin(floor(hi - 0.5 + RUN_SLACK), buffer->width - 1);
+            edge_meet(&edges[k], y, &lo, &hi);
+        double i0 = most(ceil(lo - 0.5 - RUN_SLACK), 0);
+        double i1 = least(floor(hi - 0.5 + RUN_SLACK), buffer->width - 1);
         tested += 1;
         if (!(i0 <= i1))
             continue;
@@ -178,7 +200,7 @@ static bool corner_at(const struct cell *cell, double s, double r, double t, str
     }
     double inverse = 1 / h[3];
     *corner = (struct sv_warp_corner){
-        h[0] * inverse, h[1] * inverse, fmin(fmax(h[2] * inverse, 0), 1), inverse, s, r};
+        h[0] * inverse, h[1] * inverse, least(most(h[2] * inverse, 0), 1), inverse, s, r};
     return h[3] > 0 && isfinite(inverse) && fabs(corner->x) <= SV_WARP_FAR_PX &&
            fabs(corner->y) <= SV_WARP_FAR_PX && isfinite(h[2] * inverse);
 }
@@ -236,11 +258,11 @@ static void cell_corners(struct cell *cell)
 /* Whether the box of four corners holds a pixel centre. */
 static bool box_shows(const struct sv_warp_buffer *buffer, const struct sv_warp_corner c[4], int box[4])
 {
-    double x0 = fmin(min3(c[0].x, c[1].x, c[2].x), c[3].x), x1 = fmax(max3(c[0].x, c[1].x, c[2].x), c[3].x);
-    double y0 = fmin(min3(c[0].y, c[1].y, c[2].y), c[3].y), y1 = fmax(max3(c[0].y, c[1].y, c[2].y), c[3].y);
-    double i0 = fmax(ceil(x0 - 0.5 - RUN_SLACK), 0);
-    double i1 = fmin(floor(x1 - 0.5 + RUN_SLACK), buffer->width - 1);
-    double j0 = fmax(ceil(y0 - 0.5), 0), j1 = fmin(floor(y1 - 0.5), buffer->height - 1);
+    double x0 = least(min3(c[0].x, c[1].x, c[2].x), c[3].x), x1 = most(max3(c[0].x, c[1].x, c[2].x), c[3].x);
+    double y0 = least(min3(c[0].y, c[1].y, c[2].y), c[3].y), y1 = most(max3(c[0].y, c[1].y, c[2].y), c[3].y);
+    double i0 = most(ceil(x0 - 0.5 - RUN_SLACK), 0);
+    double i1 = least(floor(x1 - 0.5 + RUN_SLACK), buffer->width - 1);
+    double j0 = most(ceil(y0 - 0.5), 0), j1 = least(floor(y1 - 0.5), buffer->height - 1);
     if (!(i0 <= i1 && j0 <= j1))
         return false;
     box[0] = (int)i0;

@@ -44,29 +44,33 @@ static float unit(float v)
     return v > 0 ? v < 1 ? v : 1 : 0; /* NaN: 0 */
 }
 
+static bool hole_add(struct sv_warp_tears *tears, size_t p)
+{
+    if (tears->hole_count == tears->hole_room) {
+        size_t room = tears->hole_room ? tears->hole_room * 2 : 1024;
+        uint32_t *holes = realloc(tears->holes, room * sizeof *holes);
+        if (!holes)
+            return false;
+        tears->holes = holes;
+        tears->hole_room = room;
+    }
+    tears->holes[tears->hole_count++] = (uint32_t)p;
+    return true;
+}
+
 /* A pixel that shows nothing yet goes to this wall; one that another wall has filled, if this one's far side
  * is nearer. While walls compete depth[] is -1 - distance (px). */
 static void wall_claim(const struct wall *wall, struct sv_warp_buffer *buffer, int i, int j)
 {
     const struct sv_warp_tear *tear = wall->tear;
-    struct sv_warp_tears *tears = buffer->tears;
     size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
     uint32_t held = buffer->texel[p], texel = tear->texel | SV_WARP_FILLED;
-    if (held != SV_WARP_EMPTY && !(held & SV_WARP_FILLED))
-        return;
     float dx = (float)i + 0.5f - tear->x[0], dy = (float)j + 0.5f - tear->y[0];
     float g = -1 - wall->length_px * unit(dx * wall->gx + dy * wall->gy);
     float e = unit(dx * wall->ex + dy * wall->ey + wall->e0);
     if (held == SV_WARP_EMPTY) {
-        if (tears->hole_count == tears->hole_room) {
-            size_t room = tears->hole_room ? tears->hole_room * 2 : 1024;
-            uint32_t *holes = realloc(tears->holes, room * sizeof *holes);
-            if (!holes)
-                return;
-            tears->holes = holes;
-            tears->hole_room = room;
-        }
-        tears->holes[tears->hole_count++] = (uint32_t)p;
+        if (!hole_add(buffer->tears, p))
+            return;
         sv_warp_touch(buffer, i, j, i + 1, j + 1);
     } else if (buffer->depth[p] >= 0 || g < buffer->depth[p] || (g == buffer->depth[p] && texel >= held)) {
         return;
@@ -77,43 +81,81 @@ static void wall_claim(const struct wall *wall, struct sv_warp_buffer *buffer, i
                                                tear->r[0] + e * (tear->r[1] - tear->r[0]), 0);
 }
 
-/* Widens [lo, hi] by where the wall's outline meets the line y. */
-static void outline_meet(const struct sv_warp_tear *tear, float y, float *lo, float *hi)
+static inline float least(float a, float b)
 {
-    for (int k = 0; k < 4; k++) {
-        int next = (k + 1) & 3, a = tear->y[next] < tear->y[k] ? next : k, b = a == k ? next : k;
-        if (y < tear->y[a] - WALL_SLACK || y > tear->y[b] + WALL_SLACK)
-            continue;
-        float rise = tear->y[b] - tear->y[a], part = rise > 0 ? unit((y - tear->y[a]) / rise) : 0;
-        float x = tear->x[a] + part * (tear->x[b] - tear->x[a]);
-        *lo = fminf(*lo, rise > 0 ? x : fminf(tear->x[a], tear->x[b]));
-        *hi = fmaxf(*hi, rise > 0 ? x : fmaxf(tear->x[a], tear->x[b]));
-    }
+    return a < b ? a : b;
 }
 
-/* Walks the pixels of the wall's outline (its span in each row). Returns how many. */
+static inline float most(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+/* One side of the wall's outline, from its upper to its lower end. */
+struct side {
+    float y0, y1, x0, slope, x_min, x_max;
+};
+
+static struct side side_of(const struct sv_warp_tear *tear, int k)
+{
+    int next = (k + 1) & 3, a = tear->y[next] < tear->y[k] ? next : k, b = a == k ? next : k;
+    float rise = tear->y[b] - tear->y[a];
+    return (struct side){.y0 = tear->y[a] - WALL_SLACK,
+                         .y1 = tear->y[b] + WALL_SLACK,
+                         .x0 = tear->x[a],
+                         .slope = rise > 0 ? (tear->x[b] - tear->x[a]) / rise : 0,
+                         .x_min = least(tear->x[a], tear->x[b]) - WALL_SLACK,
+                         .x_max = most(tear->x[a], tear->x[b]) + WALL_SLACK};
+}
+
+/* Pixels of row j between the outline's sides; false when there is none. */
+static bool row_span(const struct side side[4], int j, int width, int *i0, int *i1)
+{
+    float y = (float)j + 0.5f, lo = INFINITY, hi = -INFINITY;
+    for (int k = 0; k < 4; k++) {
+        const struct side *e = &side[k];
+        if (y < e->y0 || y > e->y1)
+            continue;
+        float x = e->x0 + (y - e->y0 - WALL_SLACK) * e->slope;
+        bool level = e->y1 - e->y0 <= 3 * WALL_SLACK;
+        lo = least(lo, level ? e->x_min : most(x - WALL_SLACK, e->x_min));
+        hi = most(hi, level ? e->x_max : least(x + WALL_SLACK, e->x_max));
+    }
+    float a = most(lo - 0.5f, 0), b = least(hi - 0.5f, (float)(width - 1));
+    if (!(a <= b))
+        return false;
+    *i0 = (int)ceilf(a);
+    *i1 = (int)b;
+    return *i0 <= *i1;
+}
+
+/* Walks the pixels of the wall's outline, a span in each row. Returns how many. */
 static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer *buffer)
 {
     struct wall wall;
-    float y0 = fminf(fminf(tear->y[0], tear->y[1]), fminf(tear->y[2], tear->y[3]));
-    float y1 = fmaxf(fmaxf(tear->y[0], tear->y[1]), fmaxf(tear->y[2], tear->y[3]));
-    float j0 = fmaxf(ceilf(y0 - 0.5f - WALL_SLACK), 0);
-    float j1 = fminf(floorf(y1 - 0.5f + WALL_SLACK), (float)(buffer->height - 1));
+    struct side side[4] = {side_of(tear, 0), side_of(tear, 1), side_of(tear, 2), side_of(tear, 3)};
+    float y0 = least(least(side[0].y0, side[1].y0), least(side[2].y0, side[3].y0));
+    float y1 = most(most(side[0].y1, side[1].y1), most(side[2].y1, side[3].y1));
+    float j0 = ceilf(most(y0 - 0.5f, 0)), j1 = floorf(least(y1 - 0.5f, (float)(buffer->height - 1)));
     int64_t walked = 1;
-    wall_set(tear, &wall);
+    bool ready = false;
     if (!(j0 <= j1))
         return walked;
     for (int j = (int)j0; j <= (int)j1; j++) {
-        float lo = INFINITY, hi = -INFINITY;
-        outline_meet(tear, (float)j + 0.5f, &lo, &hi);
-        float i0 = fmaxf(ceilf(lo - 0.5f - WALL_SLACK), 0);
-        float i1 = fminf(floorf(hi - 0.5f + WALL_SLACK), (float)(buffer->width - 1));
+        int i0, i1;
         walked++;
-        if (!(i0 <= i1))
+        if (!row_span(side, j, buffer->width, &i0, &i1))
             continue;
-        for (int i = (int)i0; i <= (int)i1; i++)
+        const uint32_t *held = buffer->texel + (size_t)j * (size_t)buffer->width;
+        for (int i = i0; i <= i1; i++) {
+            if (!(held[i] & SV_WARP_FILLED)) /* a surface; an empty pixel has that bit, too */
+                continue;
+            if (!ready)
+                wall_set(tear, &wall);
+            ready = true;
             wall_claim(&wall, buffer, i, j);
-        walked += (int)i1 - (int)i0;
+        }
+        walked += i1 - i0;
     }
     return walked;
 }

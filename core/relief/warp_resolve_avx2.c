@@ -1,6 +1,5 @@
 /* warp_resolve_avx2.c - colours of full cells, eight pixels at a time: the same integers as blend_full in
- * warp_resolve.c. Where one of eight is empty, torn or of another source, all eight go the plain way; a run
- * of nothing is skipped. */
+ * warp_resolve.c. What is torn, filled or of another source among the eight goes the plain way. */
 #include <immintrin.h>
 
 #include "core/relief/warp_kernel.h"
@@ -42,10 +41,12 @@ static inline __m256i blend4(const uint8_t (*color)[4], __m128i texel, __m128i b
     return _mm256_srli_epi16(_mm256_add_epi16(both, _mm256_set1_epi16(32)), 6);
 }
 
-static inline void blend8(const struct sv_warp_source *source, __m256i texel, __m256i place,
-                          uint8_t (*out)[4])
+/* Colours of eight pixels; lanes that are not `chosen` are anything. */
+static inline __m256i blend8(const struct sv_warp_source *source, __m256i texel, __m256i place,
+                             __m256i chosen)
 {
     __m256i index = _mm256_and_si256(texel, _mm256_set1_epi32((int)SV_WARP_TEXEL_MASK));
+    index = _mm256_and_si256(index, chosen); /* a source with one full cell has one at texel 0's place */
     __m256i below = _mm256_add_epi32(index, _mm256_set1_epi32(source->width));
     __m256i u = _mm256_add_epi32(_mm256_slli_epi32(_mm256_srli_epi32(place, 8), 7), _mm256_set1_epi32(64));
     __m256i v = _mm256_and_si256(_mm256_srli_epi32(place, 1), _mm256_set1_epi32(127));
@@ -55,33 +56,47 @@ static inline void blend8(const struct sv_warp_source *source, __m256i texel, __
     __m256i high =
         blend4(source->color, _mm256_extracti128_si256(index, 1), _mm256_extracti128_si256(below, 1),
                _mm256_extracti128_si256(u, 1), _mm256_extracti128_si256(v, 1));
-    __m256i rgba = _mm256_permute4x64_epi64(_mm256_packus_epi16(low, high), 0xd8);
-    _mm256_storeu_si256((__m256i *)(void *)out, rgba);
+    return _mm256_permute4x64_epi64(_mm256_packus_epi16(low, high), 0xd8);
+}
+
+/* Eight pixels from p on: those of one source in full cells together, the others one by one. */
+static inline void resolve8(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int j,
+                            int i, uint8_t (*rgba)[4])
+{
+    size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
+    const __m256i one = _mm256_set1_epi32(1);
+    __m256i texel = _mm256_loadu_si256((const __m256i *)(buffer->texel + p));
+    __m256i nothing = _mm256_cmpeq_epi32(texel, _mm256_set1_epi32(-1));
+    unsigned left = ~(unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(nothing)) & 255;
+    if (left == 0)
+        return;
+    __m256i place = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(buffer->place + p)));
+    unsigned k = buffer->texel[p + (unsigned)__builtin_ctz(left)] >> SV_WARP_TEXEL_BITS;
+    __m256i same =
+        _mm256_cmpeq_epi32(_mm256_srli_epi32(texel, SV_WARP_TEXEL_BITS), _mm256_set1_epi32((int)k));
+    __m256i full = _mm256_cmpeq_epi32(_mm256_and_si256(place, one), one);
+    __m256i chosen = _mm256_andnot_si256(nothing, _mm256_and_si256(same, full));
+    unsigned quick = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(chosen));
+    if (quick) {
+        __m256i out = blend8(&sources[k], texel, place, chosen);
+        if (quick == 255)
+            _mm256_storeu_si256((__m256i *)(void *)(rgba + p), out);
+        else
+            _mm256_maskstore_epi32((int *)(void *)(rgba + p), chosen, out);
+    }
+    for (left &= ~quick; left; left &= left - 1) {
+        int at = i + __builtin_ctz(left);
+        sv_warp_resolve_run(sources, buffer, j, at, at + 1, rgba);
+    }
 }
 
 void sv_warp_resolve_avx2(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer,
                           uint8_t (*rgba)[4])
 {
-    const __m256i empty = _mm256_set1_epi32(-1), one = _mm256_set1_epi32(1);
     for (int j = buffer->y0; j < buffer->y1; j++) {
-        size_t row = (size_t)j * (size_t)buffer->width;
         int i = buffer->x0;
-        for (; i + LANES <= buffer->x1; i += LANES) {
-            size_t p = row + (size_t)i;
-            __m256i texel = _mm256_loadu_si256((const __m256i *)(buffer->texel + p));
-            __m256i place = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(buffer->place + p)));
-            __m256i nothing = _mm256_cmpeq_epi32(texel, empty);
-            if (_mm256_movemask_epi8(nothing) == -1)
-                continue;
-            unsigned k = buffer->texel[p] >> SV_WARP_TEXEL_BITS;
-            __m256i same =
-                _mm256_cmpeq_epi32(_mm256_srli_epi32(texel, SV_WARP_TEXEL_BITS), _mm256_set1_epi32((int)k));
-            __m256i full = _mm256_cmpeq_epi32(_mm256_and_si256(place, one), one);
-            if (_mm256_movemask_epi8(_mm256_andnot_si256(nothing, _mm256_and_si256(same, full))) == -1)
-                blend8(&sources[k & (SV_WARP_SOURCES_MAX - 1)], texel, place, rgba + p);
-            else
-                sv_warp_resolve_run(sources, buffer, j, i, i + LANES, rgba);
-        }
+        for (; i + LANES <= buffer->x1; i += LANES)
+            resolve8(sources, buffer, j, i, rgba);
         sv_warp_resolve_run(sources, buffer, j, i, buffer->x1, rgba);
     }
 }
