@@ -243,7 +243,7 @@ enum sv_status sv_object_build(const char *model, struct sv_store *store, struct
                                uint64_t *key, struct sv_errors *notes, struct sv_error *error)
 {
     uint64_t made_of = 0;
-    enum sv_status status = model_key(model, "object1", &made_of, error);
+    enum sv_status status = model_key(model, "object2", &made_of, error);
     if (status == SV_OK)
         status = obtain(&(struct wanted){.model = model}, made_of, store, mesh, notes, error);
     if (status == SV_OK)

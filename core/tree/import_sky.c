@@ -11,9 +11,9 @@
  * Points lie on the triangles, not at the vertices: a corner under the eaves would otherwise darken a whole
  * wall. A vertex takes the mean of the points of its triangles, weighted by barycentric weight times area:
  * the L2 projection with a lumped mass matrix (own derivation; compare Kavan, Bargteil and Sloan 2011, who
- * solve the whole system). Winding is not trusted: of a surface's two sides the one that sees more counts,
- * since the inside of a body sees nothing. Not deposited: alpha masks; a fence casts as a board does, at half
- * strength.
+ * solve the whole system). Winding is not trusted: of a surface's two sides the one that gets more light
+ * counts, since the inside of a body gets none. Not deposited: alpha masks; a fence casts as a board does, at
+ * half strength.
  *
  * Sums run in a fixed order. One thread. */
 #include "core/tree/import_parts.h"
@@ -31,8 +31,9 @@ enum {
 };
 #define BOUNCE 0.25f     /* ground against zenith */
 #define MASKED_CAST 0.5f /* share of light that a masked surface keeps away */
-#define BIAS_TEXELS 2.0f /* in front of a point, in texels of the map: below it is the point's own surface \
-                          */
+#define BIAS_TEXELS                                                                        \
+    2.0f /* in front of a point, in texels of the map: below it is the point's own surface \
+          */
 
 struct point {
     float p[3], n[3];
@@ -137,7 +138,7 @@ static float seen(const struct map *m, const struct point *q)
     if (x < 0 || y < 0 || x >= MAP_SIDE || y >= MAP_SIDE)
         return 1;
     /* A surface at a slant rises by its tangent from texel to texel. */
-    float cosine = fmaxf(fabsf(dot3(q->n, m->toward)), 0.05f);
+    float cosine = fmaxf(fabsf(dot3(q->n, m->toward)), 0.2f);
     float slope = sqrtf(1 - fminf(cosine * cosine, 1)) / cosine;
     float front = at[2] + m->texel * BIAS_TEXELS * (1 + slope);
     size_t i = (size_t)y * MAP_SIDE + (size_t)x;
@@ -226,9 +227,8 @@ static struct point *make_points(const struct sv_tree_mesh *mesh, uint32_t *coun
 static void project(struct sv_tree_mesh *mesh, const struct point *points, uint32_t count, float (*sums)[2])
 {
     for (uint32_t i = 0; i < count; i++) {
-        float value = 0;
-        for (int side = 0; side < 2; side++)
-            value = fmaxf(value, points[i].total[side] > 0 ? points[i].sum[side] / points[i].total[side] : 0);
+        int side = points[i].sum[1] > points[i].sum[0];
+        float value = points[i].total[side] > 0 ? points[i].sum[side] / points[i].total[side] : 1;
         for (int k = 0; k < 3; k++) {
             float *s = sums[mesh->indices[3 * (size_t)points[i].triangle + (size_t)k]];
             s[0] += points[i].weight[k] * value;
