@@ -13,6 +13,7 @@
 #include "core/base/simd.h"
 #include "core/terrain/shadow_window.h"
 
+enum { STEPS_MAX = 1000 };
 enum { SIDE = SV_SHADOW_WINDOW_SIDE, BLOCK = SV_SHADOW_WINDOW_BLOCK, BLOCKS = SV_SHADOW_WINDOW_BLOCKS };
 
 /* sin of a quarter of a degree: flatter light is next to nothing (light.c), and its shadows are endless. */
@@ -197,6 +198,8 @@ static bool narrow(const struct job *job, double *from, double *to)
 {
     const struct sv_shadow_window *w = job->window;
     double step = w->texel_m * BLOCK, first = INFINITY, last = -INFINITY;
+    if (!(*to - *from < STEPS_MAX * step)) /* a body far larger than the window */
+        return *to > *from;
     for (double at = *from; at < *to; at += step) {
         double end = fmin(at + step, *to);
         struct span box = track_box(job, at, end);

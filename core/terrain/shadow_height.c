@@ -9,6 +9,8 @@
 
 /* Half of the sun's disc. */
 static const double LIMB_RAD = 0.265 * SV_PI / 180;
+/* Straight down there is no track to sweep along; nor is there a shadow. */
+static const double STEEPEST_RAD = 89 * SV_PI / 180;
 
 static int divisor(const struct sv_heightfield *f)
 {
@@ -56,28 +58,100 @@ static enum sv_status prepare(struct sv_shadow_height *map, const struct sv_heig
     return SV_OK;
 }
 
-/* Heights less those that come in for light at this elevation. */
-static enum sv_status sweep(const struct sv_shadow_height *map, double elevation_rad, float *margin,
-                            struct sv_error *error)
+/* One step back along the light's major axis, in samples: to (i - back_i, j - back_j), one of them +-1 and
+ * the other a fraction; drop: what the light falls on the way. */
+struct step {
+    double back_i, back_j, drop;
+};
+
+static struct step make_step(const struct sv_shadow_height *map, struct sv_vec3 travel)
+{
+    double i = travel.x / map->dx, j = travel.y / map->dy, most = fmax(fabs(i), fabs(j));
+    return (struct step){i / most, j / most, -travel.z / most};
+}
+
+static int held(int i, int count)
+{
+    return i < 0 ? 0 : i < count ? i : count - 1;
+}
+
+/* What a row's margins are made of: its heights and shadow surface, and the surface one step before, between
+ * the rows p and q (q's share v) at the columns i + shift and i + shift + 1 (the second one's share u). */
+struct row {
+    const float *h, *surface, *p, *q;
+    float u, v, drop;
+    int shift;
+};
+
+/* Columns first .. end, all of whose neighbours are there; p and q as seen from column 0. In the dark how far
+ * below the surface; in the light how far above what comes in from a step before. (The sweep's own incoming
+ * heights would do for the dark; in the light they come from anywhere within the cell before, and edges that
+ * are interpolated between the two would waver.) */
+static void margins(const struct row *r, const float *p, const float *q, int first, int end, float *margin)
+{
+    const float *h = r->h, *surface = r->surface;
+    float u = r->u, v = r->v, drop = r->drop;
+    for (int i = first; i < end; i++) {
+        float low = p[i] + (p[i + 1] - p[i]) * u, high = q[i] + (q[i + 1] - q[i]) * u;
+        float lit = h[i] - (low + (high - low) * v - drop), dark = h[i] - surface[i];
+        lit = lit > 0 ? lit : 0;
+        lit = lit < SV_SHADOW_HEIGHT_CLEAR ? lit : SV_SHADOW_HEIGHT_CLEAR;
+        margin[i] = dark < 0 ? dark : lit;
+    }
+}
+
+static void margin_row(const struct row *r, int width, float *margin)
+{
+    int first = r->shift < 0 ? -r->shift : 0, end = r->shift + 1 > 0 ? width - r->shift - 1 : width;
+    end = end < first ? first : end;
+    for (int i = 0; i < width; i++) {
+        if (i == first)
+            i = end;
+        if (i >= width)
+            break;
+        int a = held(i + r->shift, width), b = held(i + r->shift + 1, width);
+        float p[2] = {r->p[a], r->p[b]}, q[2] = {r->q[a], r->q[b]};
+        struct row one = *r;
+        one.h += i;
+        one.surface += i;
+        margins(&one, p, q, 0, 1, margin + i);
+    }
+    margins(r, r->p + r->shift, r->q + r->shift, first, end, margin);
+}
+
+/* Margins for light at this elevation. */
+static enum sv_status sweep(const struct sv_shadow_height *map, double elevation_rad, float *surface,
+                            float *margin, struct sv_error *error)
 {
     struct sv_vec3 s = map->to_sun;
     double level = hypot(s.x, s.y), c = cos(elevation_rad);
     const float *h = map->heights ? map->heights : map->field->h;
     struct sv_vec3 travel = level > 0 ? sv_vec3(-s.x / level * c, -s.y / level * c, -sin(elevation_rad))
                                       : sv_vec3(0, -c, -sin(elevation_rad));
+    travel = sv_normalize(travel);
     struct sv_row_front front = {.width = map->width,
                                  .height = map->height,
                                  .dx = map->dx,
                                  .dy = map->dy,
-                                 .travel = sv_normalize(travel),
+                                 .travel = travel,
                                  .height_m = h};
-    enum sv_status status = sv_row_front(&front, NULL, margin, NULL, error);
+    enum sv_status status = sv_row_front(&front, surface, NULL, NULL, error);
     if (status)
         return status;
-    size_t count = (size_t)map->width * (size_t)map->height;
-    for (size_t k = 0; k < count; k++) {
-        float m = h[k] - margin[k];
-        margin[k] = m < SV_SHADOW_HEIGHT_CLEAR ? m : SV_SHADOW_HEIGHT_CLEAR;
+    struct step step = make_step(map, travel);
+    double rows = floor(-step.back_j), columns = floor(-step.back_i);
+    size_t w = (size_t)map->width;
+    for (int j = 0; j < map->height; j++) {
+        int a = held(j + (int)rows, map->height), b = held(j + (int)rows + 1, map->height);
+        struct row row = {.h = h + (size_t)j * w,
+                          .surface = surface + (size_t)j * w,
+                          .p = surface + (size_t)a * w,
+                          .q = surface + (size_t)b * w,
+                          .u = (float)(-step.back_i - columns),
+                          .v = (float)(-step.back_j - rows),
+                          .drop = (float)step.drop,
+                          .shift = (int)columns};
+        margin_row(&row, map->width, margin + (size_t)j * w);
     }
     return SV_OK;
 }
@@ -93,9 +167,15 @@ enum sv_status sv_shadow_height_make(struct sv_shadow_height *map, const struct 
         return status;
     map->to_sun = to_sun;
     double elevation = atan2(to_sun.z, hypot(to_sun.x, to_sun.y));
-    status = sweep(map, fmax(elevation - LIMB_RAD, 0), map->full, error);
+    float *surface = malloc((size_t)map->width * (size_t)map->height * sizeof *surface);
+    if (!surface)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for a shadow's surface of %d x %d samples",
+                       map->width, map->height);
+    status =
+        sweep(map, fmin(fmax(elevation - LIMB_RAD, 0), STEEPEST_RAD - LIMB_RAD), surface, map->full, error);
     if (!status)
-        status = sweep(map, fmin(elevation + LIMB_RAD, SV_PI / 2), map->none, error);
+        status = sweep(map, fmin(elevation + LIMB_RAD, STEEPEST_RAD), surface, map->none, error);
+    free(surface);
     return status;
 }
 
@@ -110,7 +190,8 @@ void sv_shadow_height_finish(struct sv_shadow_height *map)
 double sv_shadow_height_soft_m(const struct sv_shadow_height *map, double spacing_m)
 {
     double cell = fmax(sqrt(map->dx * map->dy), spacing_m);
-    return fmax(0.5 * cell * map->to_sun.z / fmax(hypot(map->to_sun.x, map->to_sun.y), 0.01), 1e-4);
+    double slope = map->to_sun.z / fmax(hypot(map->to_sun.x, map->to_sun.y), 1e-9);
+    return sv_clamp(0.5 * cell * fmin(slope, 2), 1e-4, 0.5 * (double)SV_SHADOW_HEIGHT_CLEAR);
 }
 
 static double bilinear(const struct sv_shadow_height *map, const float *of, double x, double y)

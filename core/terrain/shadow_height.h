@@ -48,7 +48,7 @@ static inline float sv_shadow_height_share(float full, float none, float soft_m)
     t = t < 0 ? 0 : t > 1 ? 1 : t;
     return t * t * (3 - 2 * t);
 }
-/* soft_m for a grid of that spacing: half of what the light drops over it. */
+/* soft_m for a grid of that spacing: half of what the light drops over it, or half of it for steep light. */
 double sv_shadow_height_soft_m(const struct sv_shadow_height *map, double spacing_m);
 
 /* World height up to which the terrain keeps half of the sun away at world (x, y); -INFINITY where the ground

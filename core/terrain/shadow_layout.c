@@ -139,16 +139,18 @@ static void choose_perspective(const struct sv_heightfield *f, const struct sv_c
         far / sv_camera_focal_px(c) > OUTER_PX * last.texel_m && layout->count < SV_SHADOW_LEVELS_MAX;
 }
 
-/* Rectangle of the ground that an orthographic picture sees; the whole field for a level one. */
-static void footprint(const struct sv_heightfield *f, const struct sv_camera *c, double box[4])
+/* Rectangle of the ground that an orthographic picture sees from above; false for a level one. */
+static bool footprint(const struct sv_heightfield *f, const struct sv_camera *c, double box[4])
 {
+    if (c->forward.z > -1e-3)
+        return false;
     box[0] = box[1] = INFINITY;
     box[2] = box[3] = -INFINITY;
     for (int k = 0; k < 8; k++) {
         struct sv_vec3 origin, ray;
         sv_camera_ray(c, k & 1 ? c->width : 0, k & 2 ? c->height : 0, &origin, &ray);
         double z = f->z0 + (double)(k & 4 ? f->h_max : f->h_min) - c->eye.z;
-        double t = ray.z < -1e-3 ? (z - origin.z) / ray.z : 1e9;
+        double t = (z - origin.z) / ray.z;
         box[0] = fmin(box[0], c->eye.x + origin.x + t * ray.x);
         box[1] = fmin(box[1], c->eye.y + origin.y + t * ray.y);
         box[2] = fmax(box[2], c->eye.x + origin.x + t * ray.x);
@@ -158,14 +160,18 @@ static void footprint(const struct sv_heightfield *f, const struct sv_camera *c,
     box[1] = fmax(box[1], f->y0);
     box[2] = fmin(box[2], f->x0 + side_x(f));
     box[3] = fmin(box[3], f->y0 + side_y(f));
+    return true;
 }
 
 static void choose_orthographic(const struct sv_heightfield *f, const struct sv_camera *c, double finest_m,
                                 struct sv_shadow_layout *layout)
 {
     double box[4], texel = FINEST_M;
-    footprint(f, c, box);
     struct sv_shadow_place last = whole(f);
+    if (!footprint(f, c, box)) {
+        layout->place[layout->count++] = last;
+        return;
+    }
     double side = fmax(box[2] - box[0], box[3] - box[1]);
     if (!(side > 0))
         return;
