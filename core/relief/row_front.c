@@ -22,18 +22,20 @@ static inline float larger(float a, float b)
     return a > b ? a : b;
 }
 
-static void take_scalar(int count, const float *height, const float *initial, float *own, float *shadow,
-                        float *caster)
+static int take_scalar(int count, const float *height, const float *initial, float *own, float *shadow,
+                       float *caster)
 {
+    float least = INFINITY;
     for (int i = 0; i < count; i++)
         own[i] = fabsf(height[i]) < -SV_ROW_FRONT_NONE ? height[i] : SV_FRONT_VOID;
-    if (!initial)
-        return;
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; initial && i < count; i++) {
         float p = initial[i] < -SV_ROW_FRONT_NONE ? initial[i] : -SV_ROW_FRONT_NONE;
         shadow[i] = initial[i] > SV_ROW_FRONT_NONE ? p : SV_FRONT_VOID;
         caster[i] = larger(own[i], shadow[i]);
     }
+    for (int i = 0; i < count; i++)
+        least = caster[i] < least ? caster[i] : least;
+    return least > SV_FRONT_REAL;
 }
 
 /* Half-way rule of row_front.h: both real: linear; else the nearer one, real or not. */
@@ -95,15 +97,31 @@ static void row_scalar(const struct sv_front_row *row)
     }
 }
 
+/* The longer side is the outer loop: the large array of the two has rows a multiple of some power of two
+ * apart, which share few sets of the cache, so that each of its lines must be done with before the next. */
 static void turn_scalar(int columns, int rows, const float *in, int64_t in_stride, float *out,
                         int64_t out_stride)
 {
-    for (int j = 0; j < rows; j++)
+    if (rows >= columns)
+        for (int j = 0; j < rows; j++)
+            for (int i = 0; i < columns; i++)
+                out[i * out_stride + j] = in[j * in_stride + i];
+    else
         for (int i = 0; i < columns; i++)
+            for (int j = 0; j < rows; j++)
+                out[i * out_stride + j] = in[j * in_stride + i];
+}
+
+static void turn_bytes_scalar(int columns, int rows, const uint8_t *in, int64_t in_stride, uint8_t *out,
+                              int64_t out_stride)
+{
+    for (int i = 0; i < columns; i++)
+        for (int j = 0; j < rows; j++)
             out[i * out_stride + j] = in[j * in_stride + i];
 }
 
-const struct sv_front_kernels sv_front_scalar = {take_scalar, cross_scalar, row_scalar, turn_scalar};
+const struct sv_front_kernels sv_front_scalar = {take_scalar, cross_scalar, row_scalar, turn_scalar,
+                                                 turn_bytes_scalar};
 
 /* ---- the march ---- */
 
@@ -119,6 +137,7 @@ struct march {
     int now;          /* which of ray[] is current */
     float *own[2];    /* heights of this row and the one before, with pads */
     float *caster[2]; /* the same as own without initial */
+    bool whole;       /* the row before had no hole */
     float *shadow;
     float *block;
 };
@@ -182,17 +201,18 @@ static void march_step(struct march *m, const float *height, const float *initia
 {
     int odd = (int)(m->row & 1);
     float *own = m->own[odd], *caster = m->caster[odd], *before = m->caster[!odd];
-    m->kernels->take(m->count, height, initial, own, m->shadow, caster);
-    double at = m->shift * (double)m->row, whole = floor(at);
-    int64_t s = (int64_t)whole, phase = m->row % REBASE;
+    bool whole = m->kernels->take(m->count, height, initial, own, m->shadow, caster);
+    double at = m->shift * (double)m->row, floor_at = floor(at);
+    int64_t s = (int64_t)floor_at, phase = m->row % REBASE;
     if (m->row > 0) {
         if (phase == 0)
             march_rebase(m, s);
         march_cross(m, before, caster, s, (double)phase * m->drop);
     }
-    float f = (float)(at - whole), lift = (float)((double)phase * m->drop);
+    float f = (float)(at - floor_at), lift = (float)((double)phase * m->drop);
     float *ray = m->ray[m->now] + m->origin - s, *next = m->ray[!m->now] + m->origin - s;
     struct sv_front_row row = {.count = m->count,
+                               .whole = whole && m->whole,
                                .own = own,
                                .caster = caster,
                                .before = before,
@@ -213,6 +233,7 @@ static void march_step(struct march *m, const float *height, const float *initia
     next[-1] =
         larger(between(SV_FRONT_VOID, caster[0], f, f < 0.5f ? SV_FRONT_VOID : caster[0]) + lift, ray[-1]);
     m->now = !m->now;
+    m->whole = whole;
     m->row++;
 }
 
@@ -229,6 +250,16 @@ static void march_rows(struct march *m, const struct sv_row_front *field, float 
     }
 }
 
+/* Columns of the next strip when `done` are done, counted along the light: strips end where lines of cache
+ * do, so that none is fetched twice. */
+static int strip_columns(int width, int done, int edge, bool forward)
+{
+    int left = width - done, at = forward ? done : left;
+    int past = ((at - edge) % STRIP + STRIP) % STRIP;
+    int columns = forward || past == 0 ? STRIP - (forward ? past : 0) : past;
+    return columns < left ? columns : left;
+}
+
 /* Light along x: STRIP columns at a time are turned into rows, marched, and turned back while they are in
  * cache: the field is read once and written once, as for light along y. */
 static enum sv_status march_columns(struct march *m, const struct sv_row_front *field, float *shadow_height,
@@ -243,9 +274,11 @@ static enum sv_status march_columns(struct march *m, const struct sv_row_front *
           *out_in = strip + 3 * STRIP * n;
     uint8_t *out_lit = (uint8_t *)(strip + 4 * STRIP * n);
     bool forward = field->travel.x > 0;
-    for (int first = 0; first < field->width; first += STRIP) {
-        int columns = field->width - first < STRIP ? field->width - first : STRIP;
-        size_t x = (size_t)(forward ? first : field->width - first - columns);
+    int edge =
+        (int)((64 - (uintptr_t)field->height_m % 64) / sizeof(float)) % 16; /* a line of cache begins */
+    for (int done = 0, columns; done < field->width; done += columns) {
+        columns = strip_columns(field->width, done, edge, forward);
+        size_t x = (size_t)(forward ? done : field->width - done - columns);
         m->kernels->turn(columns, (int)h, field->height_m + x, (int64_t)w, in_h, (int64_t)n);
         if (field->initial)
             m->kernels->turn(columns, (int)h, field->initial + x, (int64_t)w, in_i, (int64_t)n);
@@ -258,9 +291,8 @@ static enum sv_status march_columns(struct march *m, const struct sv_row_front *
             m->kernels->turn((int)h, columns, out_p, (int64_t)n, shadow_height + x, (int64_t)w);
         if (incoming)
             m->kernels->turn((int)h, columns, out_in, (int64_t)n, incoming + x, (int64_t)w);
-        for (size_t j = 0; lit && j < h; j++)
-            for (size_t c = 0; c < (size_t)columns; c++)
-                lit[j * w + x + c] = out_lit[c * n + j];
+        if (lit)
+            m->kernels->turn_bytes((int)h, columns, out_lit, (int64_t)n, lit + x, (int64_t)w);
     }
     free(strip);
     return SV_OK;
@@ -277,8 +309,8 @@ static void answer_alone(const struct sv_row_front *field, float *shadow_height,
     size_t n = (size_t)field->width * (size_t)field->height;
     for (size_t i = 0; i < n; i++) {
         float own, shadow = SV_FRONT_VOID, caster;
-        take_scalar(1, field->height_m + i, field->initial ? field->initial + i : NULL, &own, &shadow,
-                    &caster);
+        (void)take_scalar(1, field->height_m + i, field->initial ? field->initial + i : NULL, &own, &shadow,
+                          field->initial ? &caster : &own);
         float in = below ? top : larger(shadow, SV_ROW_FRONT_NONE);
         if (incoming)
             incoming[i] = in;

@@ -14,6 +14,7 @@
  * and i. */
 struct sv_front_row {
     int count;            /* samples */
+    int whole;            /* every caster of this row and of the one before is real */
     const float *own;     /* heights; SV_FRONT_VOID: none */
     const float *caster;  /* max(own, initial); [-1] and [count] are readable */
     const float *before;  /* caster of the row before (nearer to the light), likewise */
@@ -28,9 +29,10 @@ struct sv_front_row {
 };
 
 struct sv_front_kernels {
-    /* own and caster from a row of heights and of shadow heights (or NULL; then caster may be own). */
-    void (*take)(int count, const float *height, const float *initial, float *own, float *shadow,
-                 float *caster);
+    /* own and caster from a row of heights and of shadow heights (or NULL; then caster is own). Returns 1
+     * when every caster is real. */
+    int (*take)(int count, const float *height, const float *initial, float *own, float *shadow,
+                float *caster);
     /* Rays cross columns of samples between two rows: ray[i] = max(ray[i], lerp(before[i], after[i], t) +
      * lift). */
     void (*cross)(int count, const float *before, const float *after, float t, float lift, float *ray);
@@ -38,6 +40,9 @@ struct sv_front_kernels {
     void (*row)(const struct sv_front_row *row);
     /* out[i * out_stride + j] = in[j * in_stride + i], i < columns, j < rows. */
     void (*turn)(int columns, int rows, const float *in, int64_t in_stride, float *out, int64_t out_stride);
+    /* The same of bytes. */
+    void (*turn_bytes)(int columns, int rows, const uint8_t *in, int64_t in_stride, uint8_t *out,
+                       int64_t out_stride);
 };
 
 extern const struct sv_front_kernels sv_front_scalar, sv_front_avx2;
