@@ -127,7 +127,7 @@ static void list_put(struct list *list, struct sv_warp_job *job)
 
 /* Eight cells: corners, and what the scalar version calls quad. */
 struct quads {
-    __m256 x0, y0, sx, sy, rx, ry, s_max, r_max, d0, ds, dr, box;
+    __m256 x0, y0, sx, sy, rx, ry, s_max, r_max, d0, ds, dr, d_min, d_max, box;
     __m256i i0, j0, nx, ny;
 };
 
@@ -202,9 +202,13 @@ static inline __m256 quads_set(const struct sv_warp_row *up, const struct sv_war
     q->y0 = y0;
     q->s_max = _mm256_add_ps(_mm256_max_ps(s3, one), edge);
     q->r_max = _mm256_add_ps(_mm256_max_ps(r3, one), edge);
+    __m256 d10 = _mm256_loadu_ps(up->d + c + 1), d01 = _mm256_loadu_ps(lo->d + c);
+    __m256 d11 = _mm256_loadu_ps(lo->d + c + 1);
     q->d0 = _mm256_loadu_ps(up->d + c);
-    q->ds = _mm256_sub_ps(_mm256_loadu_ps(up->d + c + 1), q->d0);
-    q->dr = _mm256_sub_ps(_mm256_loadu_ps(lo->d + c), q->d0);
+    q->ds = _mm256_sub_ps(d10, q->d0);
+    q->dr = _mm256_sub_ps(d01, q->d0);
+    q->d_min = min4(q->d0, d10, d01, d11);
+    q->d_max = max4(q->d0, d10, d01, d11);
     __m256i large = _mm256_or_si256(_mm256_cmpgt_epi32(q->nx, _mm256_set1_epi32(SV_WARP_SMALL)),
                                     _mm256_cmpgt_epi32(q->ny, _mm256_set1_epi32(SV_WARP_SMALL)));
     __m256 fast = in_order(_mm256_mul_ps(q->box, _mm256_set1_ps(SV_WARP_SLIVER)), absolute(det));
@@ -244,7 +248,7 @@ static inline void slot(const struct quads *q, __m256 mask, __m256 s, __m256 r, 
     if (bits == 0)
         return;
     __m256 d = _mm256_add_ps(_mm256_add_ps(q->d0, _mm256_mul_ps(s, q->ds)), _mm256_mul_ps(r, q->dr));
-    d = _mm256_min_ps(_mm256_max_ps(d, _mm256_setzero_ps()), _mm256_set1_ps(1));
+    d = _mm256_min_ps(_mm256_max_ps(d, q->d_min), q->d_max);
     list_add(list, bits, pixel, d, _mm256_or_si256(column, place_of(s, r)));
 }
 

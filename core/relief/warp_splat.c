@@ -59,7 +59,7 @@ static int pixel_range(float lo, float hi, int size, int *first)
 /* A full cell: its box, and how it is asked for pixels: (s, r) = (dx sx - dy sy, dy ry - dx rx) from the
  * centre of its first texel. */
 struct quad {
-    float x0, y0, sx, sy, rx, ry, s_max, r_max, d0, ds, dr, box;
+    float x0, y0, sx, sy, rx, ry, s_max, r_max, d0, ds, dr, d_min, d_max, box;
     int i0, j0, nx, ny;
 };
 
@@ -94,6 +94,8 @@ static bool quad_set(const struct sv_warp_row *up, const struct sv_warp_row *lo,
     q->d0 = up->d[c];
     q->ds = up->d[c + 1] - q->d0;
     q->dr = lo->d[c] - q->d0;
+    q->d_min = min2(min2(up->d[c], up->d[c + 1]), min2(lo->d[c], lo->d[c + 1]));
+    q->d_max = max2(max2(up->d[c], up->d[c + 1]), max2(lo->d[c], lo->d[c + 1]));
     return q->nx <= SV_WARP_SMALL && q->ny <= SV_WARP_SMALL && fabsf(det) >= q->box * SV_WARP_SLIVER &&
            fabsf(s3 - 1) <= SV_WARP_TWIST && fabsf(r3 - 1) <= SV_WARP_TWIST;
 }
@@ -111,7 +113,7 @@ static uint32_t quad_draw(const struct quad *q, uint32_t tag, const struct sv_wa
             if (!(s >= -SV_WARP_EDGE && s <= q->s_max && r >= -SV_WARP_EDGE && r <= q->r_max))
                 continue;
             float d = (q->d0 + s * q->ds) + r * q->dr;
-            d = min2(max2(d, 0), 1);
+            d = min2(max2(d, q->d_min), q->d_max);
             pixels += sv_warp_put(to, p + (size_t)kx, d, tag, sv_warp_place(s, r, 1));
         }
     }

@@ -84,7 +84,7 @@ static uint32_t project(const struct sv_warp_line *line, const float *t, const u
 
 /* Four cells: what the scalar version calls quad. */
 struct quads {
-    __m128 x0, y0, sx, sy, rx, ry, s_max, r_max, d0, ds, dr, box;
+    __m128 x0, y0, sx, sy, rx, ry, s_max, r_max, d0, ds, dr, d_min, d_max, box;
     __m128i i0, j0, nx, ny;
 };
 
@@ -159,9 +159,13 @@ static inline __m128 quads_set(const struct sv_warp_row *up, const struct sv_war
     q->y0 = y0;
     q->s_max = _mm_add_ps(_mm_max_ps(s3, one), edge);
     q->r_max = _mm_add_ps(_mm_max_ps(r3, one), edge);
+    __m128 d10 = _mm_loadu_ps(up->d + c + 1), d01 = _mm_loadu_ps(lo->d + c);
+    __m128 d11 = _mm_loadu_ps(lo->d + c + 1);
     q->d0 = _mm_loadu_ps(up->d + c);
-    q->ds = _mm_sub_ps(_mm_loadu_ps(up->d + c + 1), q->d0);
-    q->dr = _mm_sub_ps(_mm_loadu_ps(lo->d + c), q->d0);
+    q->ds = _mm_sub_ps(d10, q->d0);
+    q->dr = _mm_sub_ps(d01, q->d0);
+    q->d_min = min4(q->d0, d10, d01, d11);
+    q->d_max = max4(q->d0, d10, d01, d11);
     __m128i large = _mm_or_si128(_mm_cmpgt_epi32(q->nx, _mm_set1_epi32(SV_WARP_SMALL)),
                                  _mm_cmpgt_epi32(q->ny, _mm_set1_epi32(SV_WARP_SMALL)));
     __m128 fast = _mm_cmple_ps(_mm_mul_ps(q->box, _mm_set1_ps(SV_WARP_SLIVER)), absolute(det));
@@ -193,7 +197,7 @@ static inline uint32_t slot(const struct quads *q, __m128 mask, int kx, int ky, 
     uint32_t place[LANES], pixels = 0;
     float depth[LANES];
     __m128 d = _mm_add_ps(_mm_add_ps(q->d0, _mm_mul_ps(s, q->ds)), _mm_mul_ps(r, q->dr));
-    _mm_storeu_ps(depth, _mm_min_ps(_mm_max_ps(d, _mm_setzero_ps()), _mm_set1_ps(1)));
+    _mm_storeu_ps(depth, _mm_min_ps(_mm_max_ps(d, q->d_min), q->d_max));
     _mm_storeu_si128((__m128i *)place, place_of(s, r));
     _mm_storeu_si128((__m128i *)i, q->i0);
     _mm_storeu_si128((__m128i *)j, q->j0);
