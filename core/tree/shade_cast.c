@@ -6,6 +6,7 @@
  * the same amount, some tens of nanoseconds. */
 #include <math.h>
 
+#include "core/base/rng.h"
 #include "core/tree/shade_private.h"
 
 enum { STACK = 64 };
@@ -82,16 +83,19 @@ static float ground_at(const struct sv_shadow_window *w, double x, double y)
     return w->ground[(size_t)j * SV_SHADOW_WINDOW_SIDE + (size_t)i];
 }
 
-static void darken(struct sv_shadow_window *w, int i, int j, double share)
+/* Rounds up or down by chance (of a hash, so always the same), or small trees would leave no shade at all. */
+static void darken(struct sv_shadow_window *w, int i, int j, double share, uint64_t seed)
 {
     if (i < 0 || j < 0 || i >= SV_SHADOW_WINDOW_SIDE || j >= SV_SHADOW_WINDOW_SIDE)
         return;
     uint8_t *light = &w->light[(size_t)j * SV_SHADOW_WINDOW_SIDE + (size_t)i];
-    *light = (uint8_t)((double)*light * (1 - fmin(share, 1)) + 0.5);
+    double chance =
+        (double)(sv_mix64(seed ^ (uint64_t)(j & 1) << 62 ^ (uint64_t)(i & 1) << 63) >> 11) * 0x1p-53;
+    *light = (uint8_t)((double)*light * (1 - fmin(share, 1)) + chance);
 }
 
 /* Shade of `area_m2` (on the light's plane) at the point p (window's frame), on the ground below it. */
-static void stamp(const struct casting *c, struct sv_vec3 p, double area_m2)
+static void stamp(const struct casting *c, struct sv_vec3 p, double area_m2, uint64_t seed)
 {
     struct sv_shadow_window *w = c->window;
     double x = p.x, y = p.y;
@@ -107,10 +111,10 @@ static void stamp(const struct casting *c, struct sv_vec3 p, double area_m2)
     double share = area_m2 / (fmax(c->sun->axes.to_sun.z, LEVEL_SUN_Z) * w->texel_m * w->texel_m);
     double fu = u - floor(u), fv = v - floor(v);
     int i = (int)floor(u), j = (int)floor(v);
-    darken(w, i, j, share * (1 - fu) * (1 - fv));
-    darken(w, i + 1, j, share * fu * (1 - fv));
-    darken(w, i, j + 1, share * (1 - fu) * fv);
-    darken(w, i + 1, j + 1, share * fu * fv);
+    darken(w, i, j, share * (1 - fu) * (1 - fv), seed);
+    darken(w, i + 1, j, share * fu * (1 - fv), seed);
+    darken(w, i, j + 1, share * (1 - fu) * fv, seed);
+    darken(w, i + 1, j + 1, share * fu * fv, seed);
 }
 
 /* A slender tree: each row of a silhouette whose rows are about a window's texel long on the ground. */
@@ -132,7 +136,8 @@ static void stamp_tree(const struct casting *c, const struct sv_shade_outline *o
         if (!(sum > 0))
             continue;
         double x = h * (double)o->left + across / sum * texel, y = h * (double)o->top - (j + 0.5) * texel;
-        stamp(c, sv_madd(sv_madd(foot, axes->right, x), axes->up, y), sum / 255 * texel * texel);
+        stamp(c, sv_madd(sv_madd(foot, axes->right, x), axes->up, y), sum / 255 * texel * texel,
+              (uint64_t)tree->number << 8 ^ (uint64_t)j);
     }
 }
 

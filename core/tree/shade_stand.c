@@ -20,7 +20,7 @@
 enum { TILE = 64, TILE_TEXELS = TILE * TILE, TILES_MAX = 2048, GRID_MAX = 1 << 22, COLUMNS_MAX = 1024 };
 enum { FULL = 65535 };
 
-static const double TEXELS_A_TREE = 16; /* along the mean tree */
+static const double TEXELS_A_TREE = 12; /* along the mean tree */
 static const double TEXELS_MAX = 384;   /* along the tallest */
 /* Of 0, 1/4, 1/2 and 1 the best against rays over suns of 5 to 85 degrees. */
 static const double ORDER_HEIGHT = 0.25;
@@ -213,50 +213,73 @@ static int held(float v, int count)
     return v > 0 ? (v < (float)count ? (int)v : count - 1) : 0;
 }
 
-/* Coverage of row j of the print, 0 .. 1: bilinear in the silhouette, nothing around it. */
-static void print_row(const struct print *p, int j, float *row)
+/* What is the same for all rows of a print: for each texel the silhouette's column left of it (+ 1: there is
+ * an empty one on each side) and how far it lies towards the next. */
+struct columns {
+    int left[COLUMNS_MAX];
+    float part[COLUMNS_MAX];
+};
+
+static void columns_init(const struct print *p, struct columns *columns)
 {
-    const struct sv_silhouette *l = p->level;
-    float v = p->v0 - (float)(j - p->j0) * p->step, base = floorf(v), fv = v - base;
-    int v0 = (int)base;
-    static const uint8_t nothing[SV_OUTLINE_SIDE];
-    const uint8_t *a = v0 >= 0 && v0 < l->height ? l->coverage + (size_t)v0 * (size_t)l->width : nothing;
-    const uint8_t *b =
-        v0 + 1 >= 0 && v0 + 1 < l->height ? l->coverage + (size_t)(v0 + 1) * (size_t)l->width : nothing;
-    float above = (1 - fv) * p->thin / 255.0f, below = fv * p->thin / 255.0f;
-    for (int i = p->i0; i < p->i1; i++) {
-        float u = p->u0 + (float)(i - p->i0) * p->step, ub = floorf(u), fu = u - ub;
-        int u0 = (int)ub;
-        bool in0 = u0 >= 0 && u0 < l->width, in1 = u0 + 1 >= 0 && u0 + 1 < l->width;
-        float left = in0 ? (float)a[u0] * above + (float)b[u0] * below : 0;
-        float right = in1 ? (float)a[u0 + 1] * above + (float)b[u0 + 1] * below : 0;
-        row[i - p->i0] = left + fu * (right - left);
+    float last = (float)p->level->width;
+    for (int i = 0; i < p->i1 - p->i0; i++) {
+        float u = p->u0 + (float)i * p->step + 1;
+        u = u > 0 ? (u < last ? u : last) : 0;
+        columns->left[i] = (int)u;
+        columns->part[i] = u - (float)columns->left[i];
     }
 }
 
-/* Reads the light on row j into the cells, then takes the tree's own coverage off it. */
-static void pass_row(struct canvas *c, const struct print *p, int j, const float *coverage,
+/* Coverage of row j of the print, 0 .. 1: bilinear in the silhouette, nothing around it. */
+static void print_row(const struct print *p, const struct columns *columns, int j, float *row)
+{
+    static const uint8_t nothing[SV_OUTLINE_SIDE];
+    const struct sv_silhouette *l = p->level;
+    float v = p->v0 - (float)(j - p->j0) * p->step, base = floorf(v), fv = v - base;
+    int v0 = (int)base, width = l->width;
+    const uint8_t *a = v0 >= 0 && v0 < l->height ? l->coverage + (size_t)v0 * (size_t)width : nothing;
+    const uint8_t *b =
+        v0 + 1 >= 0 && v0 + 1 < l->height ? l->coverage + (size_t)(v0 + 1) * (size_t)width : nothing;
+    float above = (1 - fv) * p->thin / 255.0f, below = fv * p->thin / 255.0f, mixed[SV_OUTLINE_SIDE + 2];
+    mixed[0] = mixed[width + 1] = 0;
+    for (int u = 0; u < width; u++)
+        mixed[u + 1] = (float)a[u] * above + (float)b[u] * below;
+    for (int i = 0; i < p->i1 - p->i0; i++) {
+        const float *m = mixed + columns->left[i];
+        row[i] = m[0] + columns->part[i] * (m[1] - m[0]);
+    }
+}
+
+/* Reads the light into a cell, then takes the tree's own coverage off it. */
+static void pass_run(uint16_t *light, const float *coverage, int count, struct cell *cell)
+{
+    float sum = 0, weights = 0;
+    for (int i = 0; i < count; i++) {
+        float own = coverage[i], left = light[i], weight = own + BARE_WEIGHT;
+        sum += weight * left;
+        weights += weight;
+        light[i] = (uint16_t)(left * (1 - own) + 0.5f);
+    }
+    cell->light += sum;
+    cell->weight += weights;
+}
+
+/* Row j, in runs that lie in one tile and one column of cells. */
+static void pass_row(struct canvas *c, const struct print *p, int j, int middle, const float *coverage,
                      struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS])
 {
     int row = held(p->row0 + (float)(j - p->j0) * p->rows, SV_SHADE_ROWS);
     const uint32_t *tiles = c->tile + (size_t)(j / TILE) * c->tiles_x;
     for (int i = p->i0; i < p->i1;) {
         uint32_t tile = tiles[i / TILE];
-        int end = (i / TILE + 1) * TILE;
+        int end = (i / TILE + 1) * TILE, column = i >= middle;
         end = end < p->i1 ? end : p->i1;
-        if (tile == 0) {
-            i = end;
-            continue;
-        }
-        uint16_t *light = c->light + (size_t)(tile - 1) * TILE_TEXELS + (size_t)(j % TILE) * TILE;
-        for (; i < end; i++) {
-            struct cell *cell =
-                &cells[held(p->column0 + (float)(i - p->i0) * p->columns, SV_SHADE_COLUMNS)][row];
-            float own = coverage[i - p->i0], left = light[i % TILE], weight = own + BARE_WEIGHT;
-            cell->light += weight * left;
-            cell->weight += weight;
-            light[i % TILE] = (uint16_t)(left * (1 - own) + 0.5f);
-        }
+        end = column == 0 && middle < end ? middle : end;
+        if (tile > 0)
+            pass_run(c->light + (size_t)(tile - 1) * TILE_TEXELS + (size_t)(j % TILE) * TILE + i % TILE,
+                     coverage + (i - p->i0), end - i, &cells[column][row]);
+        i = end;
     }
 }
 
@@ -264,13 +287,17 @@ static void pass_tree(struct canvas *c, const struct print *p,
                       struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS])
 {
     float coverage[COLUMNS_MAX];
+    struct columns across;
     int rows = (int)c->tiles_y * TILE, columns = (int)c->tiles_x * TILE;
     struct print held_in = *p;
     held_in.i1 = p->i1 < columns ? p->i1 : columns;
     held_in.j1 = p->j1 < rows ? p->j1 : rows;
+    columns_init(&held_in, &across);
+    /* The first texel whose middle is in the second column. */
+    int middle = p->i0 + (int)fmaxf(0, ceilf((1 - p->column0) / p->columns));
     for (int j = held_in.j0; j < held_in.j1; j++) {
-        print_row(&held_in, j, coverage);
-        pass_row(c, &held_in, j, coverage, cells);
+        print_row(&held_in, &across, j, coverage);
+        pass_row(c, &held_in, j, middle, coverage, cells);
     }
 }
 
