@@ -83,16 +83,18 @@ struct row {
     int shift;
 };
 
-/* Columns first .. end, all of whose neighbours are there; p and q as seen from column 0. In the dark how far
+/* Columns first .. end, all of whose neighbours are there. In the dark how far
  * below the surface; in the light how far above what comes in from a step before. (The sweep's own incoming
  * heights would do for the dark; in the light they come from anywhere within the cell before, and edges that
  * are interpolated between the two would waver.) */
-static void margins(const struct row *r, const float *p, const float *q, int first, int end, float *margin)
+static void margins(const struct row *r, int first, int end, float *margin)
 {
-    const float *h = r->h, *surface = r->surface;
+    const float *h = r->h, *surface = r->surface, *p = r->p, *q = r->q;
     float u = r->u, v = r->v, drop = r->drop;
+    int at = r->shift;
     for (int i = first; i < end; i++) {
-        float low = p[i] + (p[i + 1] - p[i]) * u, high = q[i] + (q[i + 1] - q[i]) * u;
+        float low = p[i + at] + (p[i + at + 1] - p[i + at]) * u;
+        float high = q[i + at] + (q[i + at + 1] - q[i + at]) * u;
         float lit = h[i] - (low + (high - low) * v - drop), dark = h[i] - surface[i];
         lit = lit > 0 ? lit : 0;
         lit = lit < SV_SHADOW_HEIGHT_CLEAR ? lit : SV_SHADOW_HEIGHT_CLEAR;
@@ -111,12 +113,10 @@ static void margin_row(const struct row *r, int width, float *margin)
             break;
         int a = held(i + r->shift, width), b = held(i + r->shift + 1, width);
         float p[2] = {r->p[a], r->p[b]}, q[2] = {r->q[a], r->q[b]};
-        struct row one = *r;
-        one.h += i;
-        one.surface += i;
-        margins(&one, p, q, 0, 1, margin + i);
+        struct row one = {r->h + i, r->surface + i, p, q, r->u, r->v, r->drop, 0};
+        margins(&one, 0, 1, margin + i);
     }
-    margins(r, r->p + r->shift, r->q + r->shift, first, end, margin);
+    margins(r, first, end, margin);
 }
 
 /* Margins for light at this elevation. */
