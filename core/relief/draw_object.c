@@ -42,6 +42,8 @@ struct placed {
     struct sv_relief_place at;
     struct sv_vec3 middle; /* world */
     double radius_m;
+    bool shaded_known; /* for the current sun: */
+    double shaded_m;   /* world height up to which other objects keep the sun from its middle */
 };
 
 struct candidate {
@@ -240,6 +242,8 @@ void sv_object_draw_sun(struct sv_object_draw *d, struct sv_vec3 to_sun)
     d->to_sun = to_sun;
     for (int k = 0; k < d->class_count; k++)
         sv_object_sun_finish(&d->classes[k].sun);
+    for (int k = 0; k < d->scene->object_count; k++)
+        d->placed[k].shaded_known = false;
     sv_object_meshes_new_sun(d->meshes);
 }
 
@@ -306,7 +310,8 @@ static double shade_top(const struct sv_object_sun *sun, double x, double y)
     return -INFINITY;
 }
 
-double sv_object_draw_shadow_height(struct sv_object_draw *d, double x, double y)
+/* except: index of an object that is left out, or -1. */
+static double shadow_height(struct sv_object_draw *d, double x, double y, int except)
 {
     double top = -INFINITY;
     if (!(d->to_sun.z > 0))
@@ -314,6 +319,8 @@ double sv_object_draw_shadow_height(struct sv_object_draw *d, double x, double y
     double level = hypot(d->to_sun.x, d->to_sun.y);
     for (int k = 0; k < d->scene->object_count; k++) {
         const struct placed *p = &d->placed[k];
+        if (k == except)
+            continue;
         double dx = x - p->middle.x, dy = y - p->middle.y;
         /* Distance sideways of the light's ground track, and behind along it. */
         double side = level > 0 ? (dx * d->to_sun.y - dy * d->to_sun.x) / level : hypot(dx, dy);
@@ -330,6 +337,11 @@ double sv_object_draw_shadow_height(struct sv_object_draw *d, double x, double y
         top = fmax(top, p->at.place.z + z * h);
     }
     return top;
+}
+
+double sv_object_draw_shadow_height(struct sv_object_draw *draw, double x, double y)
+{
+    return shadow_height(draw, x, y, -1);
 }
 
 /* ---- a view ---- */
@@ -389,12 +401,21 @@ static uint32_t find_candidates(struct sv_object_draw *d, const struct sv_gl_fra
     return count;
 }
 
-static double shade_height(const struct sv_object_draw_options *options, const struct placed *p)
+/* World height below which an object is in the shade of the terrain or of other objects: the height hand-over
+ * of paper 1, 3.3.2 (cast.h), with one height an object, taken at its middle. */
+static double shade_height(struct sv_object_draw *d, const struct sv_object_draw_options *options, int object)
 {
-    if (!options->shadows || !options->ground)
+    struct placed *p = &d->placed[object];
+    if (!options->shadows)
         return -INFINITY;
-    double z = options->ground(options->ground_context, p->at.place.x, p->at.place.y);
-    return z > p->at.place.z ? z : -INFINITY; /* NaN, too */
+    if (!p->shaded_known) {
+        p->shaded_m = shadow_height(d, p->middle.x, p->middle.y, object);
+        p->shaded_known = true;
+    }
+    double z = p->shaded_m;
+    if (options->ground)
+        z = fmax(z, options->ground(options->ground_context, p->at.place.x, p->at.place.y)); /* NaN: not */
+    return z > p->at.place.z ? z : -INFINITY;
 }
 
 enum sv_status sv_object_draw_view(struct sv_object_draw *d, const struct sv_gl_frame *frame,
@@ -412,7 +433,7 @@ enum sv_status sv_object_draw_view(struct sv_object_draw *d, const struct sv_gl_
         const struct candidate *c = &d->candidates[k];
         const struct placed *p = &d->placed[c->object];
         const struct bake *b = &d->bakes[d->classes[p->class_index].bake];
-        double shade = shade_height(options, p);
+        double shade = shade_height(d, options, c->object);
         uint32_t id = SV_ID_OBJECT_FIRST + (uint32_t)c->object;
         if (c->level < 0) {
             d->mesh_entries[meshes++] = (struct sv_object_mesh_entry){

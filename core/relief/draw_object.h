@@ -12,8 +12,9 @@
  * of core/gl/target.h are written.
  *
  * Shadows. An object shades itself (polygons: shadow map of object_sun.h; reliefs: object.h), is shaded by
- * the terrain (below a height, see `ground`), and casts its silhouette on the ground (sv_object_draw_cast).
- */
+ * the terrain and by other objects (below a height, taken at its middle: see `ground` and
+ * sv_object_draw_shadow_height), and casts its silhouette on the ground (sv_object_draw_cast). Trees do not
+ * shade objects. */
 #ifndef SV_RELIEF_DRAW_OBJECT_H
 #define SV_RELIEF_DRAW_OBJECT_H
 

@@ -43,7 +43,7 @@ void main()
     if (rgba.a < alpha_cutoff)
         discard;
 #else
-    vec4 rgba = texture(albedo, uv_occlusion.xy, -0.5) * base_color; // half a level sharper: levels blur what is seen at a slant
+    vec4 rgba = texture(albedo, uv_occlusion.xy, -1.0) * base_color; // a level sharper: levels blur what is seen at a slant, and atlases run together
 #endif
     vec3 to_viewer = frame_to_viewer(local);
     vec3 n = normalize(normal);

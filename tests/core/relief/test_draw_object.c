@@ -333,6 +333,32 @@ static void shadow_on_the_ground(void **state)
     sv_image_free(&id);
 }
 
+/* A small hut behind a large one, seen from the sun's left: in its shadow in both forms, as rays say. */
+static void shadow_on_another(void **state)
+{
+    (void)state;
+    struct sv_tree_mesh mesh;
+    const struct sv_tree_mesh *const meshes[] = {&mesh};
+    object_hut(&mesh);
+    /* sun at azimuth 180, elevation 30: the shadow of 12 m reaches 20 m to the north */
+    const struct object_place places[] = {{0, 500128, 5200120, 0, 12, 128},
+                                          {0, 500128, 5200134.5, 0, 2.5, 128}};
+    struct stage s = make_stage(meshes, 1, places, 2, 0);
+    struct sv_view_request request = orbit(250, -20, 12);
+    request.target.y = 5200134.5;
+    request.target.agl = 1;
+    request.sun_azimuth_rad = SV_PI;
+    request.sun_elevation_rad = sv_radians(30);
+    for (int form = OBJECT_POLYGON; form <= OBJECT_RELIEF; form++) {
+        struct agreement shaded = agree(&s, 1, request, (enum object_form)form, OBJECT_TRUTH, 4, "shaded");
+        printf("in another's shadow, form %d: %.1f %% of the picture, mean error %.2f of 255\n", form,
+               100 * shaded.either, shaded.mean_error);
+        assert_true(shaded.either > 0.02 && shaded.mean_error < 6);
+    }
+    end_stage(&s);
+    sv_tree_mesh_finish(&mesh);
+}
+
 /* Every model that is here, in all forms, near and far. */
 static void real_models(void **state)
 {
@@ -407,7 +433,8 @@ int main(void)
                                           cmocka_unit_test(orbit_in_relief), cmocka_unit_test(form_by_size),
                                           cmocka_unit_test(shadow_on_the_ground)};
     /* These make renderers of their own: there is one GL context at a time. */
-    const struct CMUnitTest others[] = {cmocka_unit_test(a_thousand), cmocka_unit_test(real_models)};
+    const struct CMUnitTest others[] = {cmocka_unit_test(a_thousand), cmocka_unit_test(shadow_on_another),
+                                        cmocka_unit_test(real_models)};
     int failed = cmocka_run_group_tests(on_stage, set_up, tear_down);
     return failed + cmocka_run_group_tests(others, NULL, NULL);
 }
