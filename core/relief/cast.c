@@ -8,7 +8,6 @@
 #include "core/relief/cast.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 enum { SIDE_MAX = 4096 }; /* px of a silhouette; texel_m is raised where a body would need more */
 
@@ -112,45 +111,79 @@ struct vertex {
 
 struct canvas {
     int width, height;
-    uint8_t *coverage;
-    float *first;
+    float *first; /* INFINITY: not covered */
 };
 
-/* Pixels whose centre lies in the triangle, edges included: neighbours leave no gap. */
-static void draw_triangle(const struct canvas *c, struct vertex p, struct vertex q, struct vertex r)
-{
-    const float slack = 1e-4f;
-    float x0 = fminf(p.s, fminf(q.s, r.s)), x1 = fmaxf(p.s, fmaxf(q.s, r.s));
-    float y0 = fminf(p.t, fminf(q.t, r.t)), y1 = fmaxf(p.t, fmaxf(q.t, r.t));
-    int i0 = (int)ceilf(x0 - 0.5f - slack), i1 = (int)floorf(x1 - 0.5f + slack);
-    int j0 = (int)ceilf(y0 - 0.5f - slack), j1 = (int)floorf(y1 - 0.5f + slack);
-    float area = (q.s - p.s) * (r.t - p.t) - (q.t - p.t) * (r.s - p.s);
-    if (i0 > i1 || j0 > j1 || fabsf(area) < 1e-12f)
-        return;
-    i0 = i0 < 0 ? 0 : i0;
-    j0 = j0 < 0 ? 0 : j0;
-    i1 = i1 >= c->width ? c->width - 1 : i1;
-    j1 = j1 >= c->height ? c->height - 1 : j1;
-    float inverse = 1.0f / area;
-    for (int j = j0; j <= j1; j++)
-        for (int i = i0; i <= i1; i++) {
-            float x = (float)i + 0.5f - p.s, y = (float)j + 0.5f - p.t;
-            float b = (x * (r.t - p.t) - y * (r.s - p.s)) * inverse;
-            float g = (y * (q.s - p.s) - x * (q.t - p.t)) * inverse;
-            if (b < -slack || g < -slack || b + g > 1.0f + slack)
-                continue;
-            float z = p.z + b * (q.z - p.z) + g * (r.z - p.z);
-            size_t at = (size_t)j * (size_t)c->width + (size_t)i;
-            c->coverage[at] = 255;
-            c->first[at] = z < c->first[at] ? z : c->first[at];
-        }
-}
+/* Two centres of texels and their neighbours' in the next row, projected; NaN displ: empty. */
+struct row {
+    float *s, *t, *z, *displ;
+};
 
 struct caster {
     const struct sv_relief *relief;
     struct affine s, t, z;
     struct canvas canvas;
+    struct row row[2];
 };
+
+static inline float cross(struct vertex a, struct vertex b)
+{
+    return a.s * b.t - a.t * b.s;
+}
+static inline struct vertex minus(struct vertex a, struct vertex b)
+{
+    return (struct vertex){a.s - b.s, a.t - b.t, a.z - b.z};
+}
+static inline float least(float a, float b)
+{
+    return a < b ? a : b;
+}
+static inline float most(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+/* A pixel's centre, x from p, in the triangle of edges e and f: edges included, so that neighbours leave no
+ * gap. No branch: whether it is in follows no pattern. */
+static inline void touch(const struct canvas *c, size_t at, struct vertex x, struct vertex e, struct vertex f,
+                         float inverse)
+{
+    const float slack = 1e-4f;
+    float b = cross(x, f) * inverse, g = cross(e, x) * inverse, z = x.z + b * e.z + g * f.z,
+          old = c->first[at];
+    bool in =
+        (b >= -slack) & (g >= -slack) & (b + g <= 1.0f + slack); /* seen edge-on (inverse infinite): false */
+    z = in ? z : INFINITY;
+    c->first[at] = z < old ? z : old;
+}
+
+/* Pixels whose centre lies in either triangle of the quad p q r s. What is not within the canvas is cut off.
+ */
+static inline void draw_quad(const struct canvas *c, struct vertex p, struct vertex q, struct vertex r,
+                             struct vertex s)
+{
+    const float near = 0.5f + 1e-4f, far = 0.5f - 1e-4f, right = (float)(c->width - 1),
+                bottom = (float)(c->height - 1);
+    int i0 = (int)most(least(least(p.s, q.s), least(r.s, s.s)) - near, 0) + 1;
+    int i1 = (int)most(least(most(most(p.s, q.s), most(r.s, s.s)) - far, right), 0);
+    int j0 = (int)most(least(least(p.t, q.t), least(r.t, s.t)) - near, 0) + 1;
+    int j1 = (int)most(least(most(most(p.t, q.t), most(r.t, s.t)) - far, bottom), 0);
+    if (i0 > i1 || j0 > j1)
+        return;
+    struct vertex e = minus(q, p), f = minus(r, p), g = minus(s, p);
+    float area[2] = {cross(e, f), cross(f, g)};
+    float inverse[2] = {1.0f / area[0], 1.0f / area[1]};
+    bool folded = !(area[0] * area[1] > 0); /* both triangles may lie on one side of their common edge */
+    for (int j = j0; j <= j1; j++)
+        for (int i = i0; i <= i1; i++) {
+            struct vertex x = {(float)i + 0.5f - p.s, (float)j + 0.5f - p.t, p.z};
+            size_t at = (size_t)j * (size_t)c->width + (size_t)i;
+            bool first = cross(x, f) * inverse[0] >= 0;
+            touch(c, at, x, first ? e : f, first ? f : g, first ? inverse[0] : inverse[1]);
+            if (folded)
+                touch(c, at, x, first ? f : e, first ? g : f, first ? inverse[1] : inverse[0]);
+        }
+}
 
 static struct vertex project(const struct caster *k, double u, double v, double d)
 {
@@ -158,41 +191,77 @@ static struct vertex project(const struct caster *k, double u, double v, double 
                            (float)affine_at(&k->z, u, v, d)};
 }
 
-static void draw_quad(const struct canvas *c, struct vertex p, struct vertex q, struct vertex r,
-                      struct vertex s)
+/* The part of texel (i, j)'s own box that lies towards (x, y) = -1 or 1: how an outline reaches its texels'
+ * edges. */
+static void draw_quarter(const struct caster *k, int i, int j, int x, int y)
 {
-    draw_triangle(c, p, q, r);
-    draw_triangle(c, p, r, s);
+    double d = (double)k->relief->displ[(size_t)j * (size_t)k->relief->width + (size_t)i];
+    double u = i + 0.5, v = j + 0.5, u1 = u + 0.5 * x, v1 = v + 0.5 * y;
+    draw_quad(&k->canvas, project(k, u, v, d), project(k, u1, v, d), project(k, u1, v1, d),
+              project(k, u, v1, d));
 }
 
-/* The cell between texels (i, j), (i + 1, j + 1): one surface between their centres where all four are solid
- * and not torn apart; else each solid one's quarter of its own box, so that a relief's outline reaches its
- * texels' edges. */
-static void draw_cell(const struct caster *k, int i, int j)
+/* Centres of the texels of row j, with one empty texel on either side; j outside: all empty. */
+static void project_row(const struct caster *k, int j, const struct row *out)
 {
     const struct sv_relief *r = k->relief;
-    bool solid[4], whole = true;
-    float d[4] = {0, 0, 0, 0};
-    for (int n = 0; n < 4; n++) {
-        int x = i + (n & 1), y = j + (n >> 1);
-        size_t at = (size_t)y * (size_t)r->width + (size_t)x;
-        solid[n] = x >= 0 && y >= 0 && x < r->width && y < r->height && sv_relief_solid(r, at);
-        d[n] = solid[n] ? r->displ[at] : 0;
-        whole = whole && solid[n];
-    }
-    whole = whole && fabsf(d[0] - d[1]) <= r->cut && fabsf(d[2] - d[3]) <= r->cut &&
-            fabsf(d[0] - d[2]) <= r->cut && fabsf(d[1] - d[3]) <= r->cut;
-    double u = i + 0.5, v = j + 0.5;
-    if (whole) {
-        draw_quad(&k->canvas, project(k, u, v, d[0]), project(k, u + 1, v, d[1]),
-                  project(k, u + 1, v + 1, d[3]), project(k, u, v + 1, d[2]));
+    int w = r->width;
+    for (int i = 0; i < w + 2; i++)
+        out->displ[i] = NAN;
+    if (j < 0 || j >= r->height)
         return;
+    size_t at = (size_t)j * (size_t)w;
+    for (int i = 0; i < w; i++)
+        out->displ[i + 1] = r->color[at + (size_t)i][3] >= 128 ? r->displ[at + (size_t)i] : NAN;
+    const struct affine *maps[3] = {&k->s, &k->t, &k->z};
+    const float from = r->displ_min; /* small differences stay small beside a large displ */
+    float *to[3] = {out->s, out->t, out->z};
+    for (int n = 0; n < 3; n++) {
+        float base = (float)affine_at(maps[n], -0.5, j + 0.5, (double)from), u = (float)maps[n]->u,
+              d = (float)maps[n]->d;
+        for (int i = 1; i <= w; i++)
+            to[n][i] = base + (float)i * u + (out->displ[i] - from) * d;
     }
-    for (int n = 0; n < 4; n++) {
-        double u0 = u + 0.5 * (n & 1), v0 = v + 0.5 * (n >> 1);
-        if (solid[n])
-            draw_quad(&k->canvas, project(k, u0, v0, d[n]), project(k, u0 + 0.5, v0, d[n]),
-                      project(k, u0 + 0.5, v0 + 0.5, d[n]), project(k, u0, v0 + 0.5, d[n]));
+}
+
+static inline struct vertex at_texel(const struct row *r, int i)
+{
+    return (struct vertex){r->s[i], r->t[i], r->z[i]};
+}
+
+/* Cells between rows j and j + 1: one surface between four centres where all are solid and not torn apart;
+ * else each solid one's quarter of its own box. */
+static void draw_cells(const struct caster *k, int j, const struct row *top, const struct row *low)
+{
+    const float cut = k->relief->cut;
+    for (int i = 0; i <= k->relief->width; i++) {
+        float a = top->displ[i], b = top->displ[i + 1], c = low->displ[i], d = low->displ[i + 1];
+        if (fabsf(a - b) <= cut && fabsf(c - d) <= cut && fabsf(a - c) <= cut && fabsf(b - d) <= cut &&
+            isfinite(a) && isfinite(b) && isfinite(c) && isfinite(d)) {
+            draw_quad(&k->canvas, at_texel(top, i), at_texel(top, i + 1), at_texel(low, i + 1),
+                      at_texel(low, i));
+            continue;
+        }
+        if (isfinite(a))
+            draw_quarter(k, i - 1, j, 1, 1);
+        if (isfinite(b))
+            draw_quarter(k, i, j, -1, 1);
+        if (isfinite(c))
+            draw_quarter(k, i - 1, j + 1, 1, -1);
+        if (isfinite(d))
+            draw_quarter(k, i, j + 1, -1, -1);
+    }
+}
+
+static void draw_relief(struct caster *k, float *block)
+{
+    size_t wide = (size_t)k->relief->width + 2;
+    for (int n = 0; n < 2; n++, block += 4 * wide)
+        k->row[n] = (struct row){block, block + wide, block + 2 * wide, block + 3 * wide};
+    project_row(k, -1, &k->row[1]);
+    for (int j = -1; j < k->relief->height; j++) {
+        project_row(k, j + 1, &k->row[(j + 1) & 1]);
+        draw_cells(k, j, &k->row[j & 1], &k->row[(j + 1) & 1]);
     }
 }
 
@@ -225,13 +294,14 @@ static void enclose(const struct sv_relief *r, struct sv_silhouette *s, double t
         lo[k] = low;
         size[k] = high - low;
     }
-    double texel = fmax(texel_m, fmax(size[0], size[1]) / (SIDE_MAX - 3));
-    s->width = (int)ceil(size[0] / texel) + 2; /* a free pixel on every side */
-    s->height = (int)ceil(size[1] / texel) + 2;
+    double texel = fmax(texel_m, fmax(size[0], size[1]) / (SIDE_MAX - 5));
+    s->width = (int)ceil(size[0] / texel) + 4; /* two free pixels on every side */
+    s->height = (int)ceil(size[1] / texel) + 4;
     s->width_m = s->width * texel;
     s->height_m = s->height * texel;
-    s->corner = sv_madd(sv_madd(sv_madd(r->frame.origin, s->right, lo[0] - texel), s->down, lo[1] - texel),
-                        s->travel, lo[2]);
+    s->corner =
+        sv_madd(sv_madd(sv_madd(r->frame.origin, s->right, lo[0] - 2 * texel), s->down, lo[1] - 2 * texel),
+                s->travel, lo[2]);
     s->first_m = 0;
     s->last_m = size[2];
 }
@@ -251,22 +321,23 @@ enum sv_status sv_cast_silhouette(const struct sv_relief *relief, struct sv_vec3
     aim(travel, &s);
     enclose(relief, &s, texel_m);
     size_t n = (size_t)s.width * (size_t)s.height;
-    float *first = malloc(n * (sizeof *first + 1));
+    size_t scratch = 8 * ((size_t)relief->width + 2);
+    float *first = malloc((n + scratch) * sizeof *first + n);
     if (!first)
         return sv_fail(error, SV_ENOMEM, "texel_m", "no memory for a silhouette of %d x %d", s.width,
                        s.height);
-    uint8_t *coverage = (uint8_t *)(first + n);
-    memset(coverage, 0, n);
+    uint8_t *coverage = (uint8_t *)(first + n + scratch);
     for (size_t i = 0; i < n; i++)
         first[i] = INFINITY;
     struct caster k = {.relief = relief,
                        .s = along(&relief->frame, s.corner, s.right, s.width / s.width_m),
                        .t = along(&relief->frame, s.corner, s.down, s.height / s.height_m),
                        .z = along(&relief->frame, s.corner, s.travel, 1),
-                       .canvas = {s.width, s.height, coverage, first}};
-    for (int j = -1; relief->solid_count && j < relief->height; j++)
-        for (int i = -1; i < relief->width; i++)
-            draw_cell(&k, i, j);
+                       .canvas = {s.width, s.height, first}};
+    if (relief->solid_count)
+        draw_relief(&k, first + n);
+    for (size_t i = 0; i < n; i++)
+        coverage[i] = first[i] < INFINITY ? 255 : 0;
     s.coverage = coverage;
     s.first = first;
     *silhouette = s;
@@ -281,6 +352,56 @@ void sv_cast_silhouette_finish(struct sv_silhouette *silhouette)
 
 /* ---- (3) onto another relief ---- */
 
+enum { CHUNK = 256 };
+
+struct target {
+    const struct sv_silhouette *silhouette;
+    struct affine s, t, z;
+    float bias, from; /* from: displ that others are counted from */
+    bool by_depth;
+};
+
+/* `count` texels of a row from (i, j) on: the pixel that each one is behind (-1: none) and its depth. displ
+ * NULL: the plane. */
+static void aim_row(const struct target *g, int i, int j, int count, const float *displ, int32_t *pixel,
+                    float *depth)
+{
+    const int wide = g->silhouette->width;
+    const float right = (float)wide, bottom = (float)g->silhouette->height;
+    const float from = displ ? g->from : 0;
+    const double u = i + 0.5, v = j + 0.5, f = (double)from;
+    const float s0 = (float)affine_at(&g->s, u, v, f), su = (float)g->s.u, sd = (float)g->s.d;
+    const float t0 = (float)affine_at(&g->t, u, v, f), tu = (float)g->t.u, td = (float)g->t.d;
+    const float z0 = (float)affine_at(&g->z, u, v, f), zu = (float)g->z.u, zd = (float)g->z.d;
+    for (int n = 0; n < count; n++) {
+        float d = displ ? displ[n] - from : 0, k = (float)n;
+        float s = s0 + k * su + d * sd, t = t0 + k * tu + d * td;
+        depth[n] = z0 + k * zu + d * zd;
+        bool in = (s >= 0) & (s < right) & (t >= 0) & (t < bottom); /* false for NaN */
+        float x = in ? s : 0, y = in ? t : 0;
+        int32_t at = (int32_t)y * wide + (int32_t)x;
+        pixel[n] = in ? at : -1;
+    }
+}
+
+static void cast_row(const struct target *g, const struct sv_relief *receiver, int i, int j, int count,
+                     uint8_t *dark)
+{
+    const struct sv_silhouette *s = g->silhouette;
+    int32_t pixel[CHUNK];
+    float depth[CHUNK];
+    size_t at = (size_t)j * (size_t)receiver->width + (size_t)i;
+    aim_row(g, i, j, count, g->by_depth ? receiver->displ + at : NULL, pixel, depth);
+    for (int n = 0; n < count; n++) {
+        int32_t p = pixel[n];
+        if (p < 0 || s->coverage[p] < 128)
+            continue;
+        float first = s->first && g->by_depth ? s->first[p] : (float)s->first_m;
+        if (depth[n] > first + g->bias && sv_relief_solid(receiver, at + (size_t)n))
+            dark[at + (size_t)n] = 0;
+    }
+}
+
 enum sv_status sv_cast_shadow(const struct sv_silhouette *silhouette, const struct sv_relief *receiver,
                               enum sv_cast_form form, uint8_t *dark, struct sv_error *error)
 {
@@ -288,25 +409,15 @@ enum sv_status sv_cast_shadow(const struct sv_silhouette *silhouette, const stru
     enum sv_status status = sv_relief_frame_check(&receiver->frame, error);
     if (status != SV_OK)
         return status;
-    struct affine ms = along(&receiver->frame, s->corner, s->right, s->width / s->width_m);
-    struct affine mt = along(&receiver->frame, s->corner, s->down, s->height / s->height_m);
-    struct affine mz = along(&receiver->frame, s->corner, s->travel, 1);
-    double bias = 1.5 * s->width_m / s->width;
+    struct target g = {.silhouette = s,
+                       .s = along(&receiver->frame, s->corner, s->right, s->width / s->width_m),
+                       .t = along(&receiver->frame, s->corner, s->down, s->height / s->height_m),
+                       .z = along(&receiver->frame, s->corner, s->travel, 1),
+                       .bias = (float)(1.5 * s->width_m / s->width),
+                       .from = receiver->displ_min,
+                       .by_depth = form == SV_CAST_HEIGHT};
     for (int j = 0; j < receiver->height; j++)
-        for (int i = 0; i < receiver->width; i++) {
-            size_t at = (size_t)j * (size_t)receiver->width + (size_t)i;
-            if (!sv_relief_solid(receiver, at))
-                continue;
-            double d = form == SV_CAST_HEIGHT ? (double)receiver->displ[at] : 0;
-            double x = floor(affine_at(&ms, i + 0.5, j + 0.5, d)),
-                   y = floor(affine_at(&mt, i + 0.5, j + 0.5, d));
-            if (!(x >= 0 && y >= 0 && x < s->width && y < s->height))
-                continue;
-            size_t p = (size_t)y * (size_t)s->width + (size_t)x;
-            double z = affine_at(&mz, i + 0.5, j + 0.5, d);
-            double first = s->first && form == SV_CAST_HEIGHT ? (double)s->first[p] : s->first_m;
-            if (s->coverage[p] >= 128 && z > first + bias)
-                dark[at] = 0;
-        }
+        for (int i = 0; i < receiver->width; i += CHUNK)
+            cast_row(&g, receiver, i, j, receiver->width - i < CHUNK ? receiver->width - i : CHUNK, dark);
     return SV_OK;
 }
