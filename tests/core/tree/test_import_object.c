@@ -201,7 +201,7 @@ static void test_sky_against_rays(void **state)
              first + 1, first + 2, first + 3);
     struct imported in;
     import_text(text, &in);
-    double worst = 0, mean = 0, darkest = 1;
+    double worst = 0, darkest = 1;
     int count = 0;
     for (uint32_t i = 0; i < in.mesh.vertex_count; i++) {
         const struct sv_tree_vertex *v = &in.mesh.vertices[i];
@@ -213,7 +213,6 @@ static void test_sky_against_rays(void **state)
         count++;
         double got = v->occlusion / 65535.0, off = got - floor_sky(x, y);
         worst = fmax(worst, fabs(off));
-        mean += off;
         darkest = fmin(darkest, got);
     }
     printf("floor beside a wall: darkest %.2f, worst %.3f off the rays\n", darkest, worst);
