@@ -143,17 +143,33 @@ static inline float most(float a, float b)
     return a > b ? a : b;
 }
 
-/* A pixel's centre, x from p, in the triangle of edges e and f: edges included, so that neighbours leave no
- * gap. No branch: whether it is in follows no pattern. */
-static inline void touch(const struct canvas *c, size_t at, struct vertex x, struct vertex e, struct vertex f,
-                         float inverse)
+/* Edges e and f of a triangle from its corner p, and what its edges' tests forgive: SLACK px across each
+ * edge, more than floats of 4096 px round by, so that neighbours leave no gap however thin they are. */
+struct facet {
+    struct vertex e, f;
+    float inverse, slack; /* 1 / area, NaN for one seen edge-on: no test holds; slack of the two weights */
+};
+
+#define SLACK 6e-4f
+
+static inline struct facet facet(struct vertex e, struct vertex f, float area)
 {
-    const float slack = 1e-4f;
-    float b = cross(x, f) * inverse, g = cross(e, x) * inverse, z = x.z + b * e.z + g * f.z,
-          old = c->first[at];
-    bool in =
-        (b >= -slack) & (g >= -slack) & (b + g <= 1.0f + slack); /* seen edge-on (inverse infinite): false */
-    z = in ? z : INFINITY;
+    float inverse = fabsf(area) > 1e-9f ? 1.0f / area : NAN;
+    float length = fabsf(e.s) + fabsf(e.t) + fabsf(f.s) + fabsf(f.t);
+    return (struct facet){e, f, inverse, SLACK * length * fabsf(inverse)};
+}
+
+static inline float unit(float x)
+{
+    return x < 0 ? 0 : x > 1 ? 1 : x;
+}
+
+/* A pixel's centre, x from p. No branch: whether it is in follows no pattern. */
+static inline void touch(const struct canvas *c, size_t at, struct vertex x, struct facet k)
+{
+    float b = cross(x, k.f) * k.inverse, g = cross(k.e, x) * k.inverse, old = c->first[at];
+    bool in = (b >= -k.slack) & (g >= -k.slack) & (b + g <= 1.0f + k.slack);
+    float z = in ? x.z + unit(b) * k.e.z + unit(g) * k.f.z : INFINITY;
     c->first[at] = z < old ? z : old;
 }
 
@@ -162,7 +178,7 @@ static inline void touch(const struct canvas *c, size_t at, struct vertex x, str
 static inline void draw_quad(const struct canvas *c, struct vertex p, struct vertex q, struct vertex r,
                              struct vertex s)
 {
-    const float near = 0.5f + 1e-4f, far = 0.5f - 1e-4f, right = (float)(c->width - 1),
+    const float near = 0.5f + SLACK, far = 0.5f - SLACK, right = (float)(c->width - 1),
                 bottom = (float)(c->height - 1);
     int i0 = (int)most(least(least(p.s, q.s), least(r.s, s.s)) - near, 0) + 1;
     int i1 = (int)most(least(most(most(p.s, q.s), most(r.s, s.s)) - far, right), 0);
@@ -172,16 +188,16 @@ static inline void draw_quad(const struct canvas *c, struct vertex p, struct ver
         return;
     struct vertex e = minus(q, p), f = minus(r, p), g = minus(s, p);
     float area[2] = {cross(e, f), cross(f, g)};
-    float inverse[2] = {1.0f / area[0], 1.0f / area[1]};
+    struct facet half[2] = {facet(e, f, area[0]), facet(f, g, area[1])};
     bool folded = !(area[0] * area[1] > 0); /* both triangles may lie on one side of their common edge */
     for (int j = j0; j <= j1; j++)
         for (int i = i0; i <= i1; i++) {
             struct vertex x = {(float)i + 0.5f - p.s, (float)j + 0.5f - p.t, p.z};
             size_t at = (size_t)j * (size_t)c->width + (size_t)i;
-            bool first = cross(x, f) * inverse[0] >= 0;
-            touch(c, at, x, first ? e : f, first ? f : g, first ? inverse[0] : inverse[1]);
+            bool first = cross(x, f) * area[0] >= 0;
+            touch(c, at, x, half[!first]);
             if (folded)
-                touch(c, at, x, first ? f : e, first ? g : f, first ? inverse[1] : inverse[0]);
+                touch(c, at, x, half[first]);
         }
 }
 
@@ -191,14 +207,31 @@ static struct vertex project(const struct caster *k, double u, double v, double 
                            (float)affine_at(&k->z, u, v, d)};
 }
 
-/* The part of texel (i, j)'s own box that lies towards (x, y) = -1 or 1: how an outline reaches its texels'
- * edges. */
-static void draw_quarter(const struct caster *k, int i, int j, int x, int y)
+/* Where a cell is no surface of four: each pair of neighbours in it that is one surface reaches half a texel
+ * into it, a texel alone by its own quarter. So an outline lies on its texels' edges and has no gaps along
+ * it. d: the cell's corners (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1), NaN: empty. */
+static void draw_outline(const struct caster *k, int i, int j, const float d[4])
 {
-    double d = (double)k->relief->displ[(size_t)j * (size_t)k->relief->width + (size_t)i];
-    double u = i + 0.5, v = j + 0.5, u1 = u + 0.5 * x, v1 = v + 0.5 * y;
-    draw_quad(&k->canvas, project(k, u, v, d), project(k, u1, v, d), project(k, u1, v1, d),
-              project(k, u, v1, d));
+    static const int pairs[4][2] = {{0, 1}, {2, 3}, {0, 2}, {1, 3}};
+    bool joined[4] = {false, false, false, false};
+    double u = i + 0.5, v = j + 0.5;
+    for (int n = 0; n < 4; n++) {
+        int a = pairs[n][0], b = pairs[n][1];
+        if (!(fabsf(d[a] - d[b]) <= k->relief->cut)) /* NaN: no pair */
+            continue;
+        joined[a] = joined[b] = true;
+        double ua = u + (a & 1), va = v + (a >> 1), ub = u + (b & 1), vb = v + (b >> 1);
+        double across = n < 2 ? 0 : a & 1 ? -0.5 : 0.5, along_v = n >= 2 ? 0 : a >> 1 ? -0.5 : 0.5;
+        double da = (double)d[a], db = (double)d[b];
+        draw_quad(&k->canvas, project(k, ua, va, da), project(k, ub, vb, db),
+                  project(k, ub + across, vb + along_v, db), project(k, ua + across, va + along_v, da));
+    }
+    for (int n = 0; n < 4; n++) {
+        double ua = u + (n & 1), va = v + (n >> 1), ub = u + 0.5, vb = v + 0.5, da = (double)d[n];
+        if (isfinite(d[n]) && !joined[n])
+            draw_quad(&k->canvas, project(k, ua, va, da), project(k, ub, va, da), project(k, ub, vb, da),
+                      project(k, ua, vb, da));
+    }
 }
 
 /* Centres of the texels of row j, with one empty texel on either side; j outside: all empty. */
@@ -212,7 +245,7 @@ static void project_row(const struct caster *k, int j, const struct row *out)
         return;
     size_t at = (size_t)j * (size_t)w;
     for (int i = 0; i < w; i++)
-        out->displ[i + 1] = r->color[at + (size_t)i][3] >= 128 ? r->displ[at + (size_t)i] : NAN;
+        out->displ[i + 1] = sv_relief_solid(r, at + (size_t)i) ? r->displ[at + (size_t)i] : NAN;
     const struct affine *maps[3] = {&k->s, &k->t, &k->z};
     const float from = r->displ_min; /* small differences stay small beside a large displ */
     float *to[3] = {out->s, out->t, out->z};
@@ -236,20 +269,14 @@ static void draw_cells(const struct caster *k, int j, const struct row *top, con
     const float cut = k->relief->cut;
     for (int i = 0; i <= k->relief->width; i++) {
         float a = top->displ[i], b = top->displ[i + 1], c = low->displ[i], d = low->displ[i + 1];
-        if (fabsf(a - b) <= cut && fabsf(c - d) <= cut && fabsf(a - c) <= cut && fabsf(b - d) <= cut &&
-            isfinite(a) && isfinite(b) && isfinite(c) && isfinite(d)) {
+        if (fabsf(a - b) <= cut && fabsf(c - d) <= cut && fabsf(a - c) <= cut &&
+            fabsf(b - d) <= cut) { /* NaN: false */
             draw_quad(&k->canvas, at_texel(top, i), at_texel(top, i + 1), at_texel(low, i + 1),
                       at_texel(low, i));
             continue;
         }
-        if (isfinite(a))
-            draw_quarter(k, i - 1, j, 1, 1);
-        if (isfinite(b))
-            draw_quarter(k, i, j, -1, 1);
-        if (isfinite(c))
-            draw_quarter(k, i - 1, j + 1, 1, -1);
-        if (isfinite(d))
-            draw_quarter(k, i, j + 1, -1, -1);
+        const float corner[4] = {a, b, c, d};
+        draw_outline(k, i - 1, j, corner);
     }
 }
 
