@@ -112,44 +112,92 @@ void sv_warp_tear_add(struct sv_warp_buffer *buffer, const struct sv_warp_tear *
     tears->items[tears->count++] = *tear;
 }
 
-/* Position (u, v) on the bilinear patch of cell (c, j): picture place and its derivatives by u and v. False
- * when it is not in front. */
-static bool patch_project(const struct sv_warp_source *source, int c, int j, double s, double r,
-                          double out[2], double du[2], double dv[2])
+/* A quarter of a texel's footprint, as the splat has the surface there (warp_cell.c): t at the texel's
+ * centre, at the middles of its two edges, and at the cell's middle; in a whole cell that is the bilinear
+ * surface. */
+struct quarter {
+    int column, row, h, v; /* the texel; which side of its centre: -1, 1 */
+    double t[2][2];        /* [along v][along u], 0: at the centre */
+};
+
+static bool texel_is_there(const struct sv_warp_source *source, int c, int j)
 {
-    const float *t = source->t + (size_t)j * (size_t)source->width + (size_t)c;
-    double t00 = t[0], t10 = t[1], t01 = t[source->width], t11 = t[source->width + 1];
-    double top = t00 + s * (t10 - t00), low = t01 + s * (t11 - t01), d = top + r * (low - top);
-    double ts = (t10 - t00) + r * ((t11 - t01) - (t10 - t00)), tr = low - top;
-    double h[4], hu[4], hv[4];
-    for (int k = 0; k < 4; k++) {
-        const double *m = source->map.m[k];
-        h[k] = m[0] * (c + 0.5 + s) + m[1] * (j + 0.5 + r) + m[2] * d + m[3];
-        hu[k] = m[0] + m[2] * ts;
-        hv[k] = m[1] + m[2] * tr;
-    }
-    for (int k = 0; k < 2; k++) {
-        out[k] = h[k] / h[3];
-        du[k] = (hu[k] - out[k] * hu[3]) / h[3];
-        dv[k] = (hv[k] - out[k] * hv[3]) / h[3];
-    }
-    return h[3] > 0;
+    size_t at = (size_t)j * (size_t)source->width + (size_t)c;
+    return c >= 0 && j >= 0 && c < source->width && j < source->height && source->color[at][3] >= 128 &&
+           isfinite(source->t[at]);
 }
 
-/* One Newton step from (s, r) towards picture place (px, py); left alone where the patch is seen edge-on or
- * the step leaves the cell by more than a quarter of a texel (what the splat found stands). */
-static void patch_refine(const struct sv_warp_source *source, int c, int j, double px, double py, double *s,
-                         double *r)
+static double texel_t(const struct sv_warp_source *source, int c, int j)
 {
-    double at[2], du[2], dv[2];
-    if (!patch_project(source, c, j, *s, *r, at, du, dv))
-        return;
-    double det = du[0] * dv[1] - du[1] * dv[0], x = px - at[0], y = py - at[1];
-    double s1 = *s + (x * dv[1] - y * dv[0]) / det, r1 = *r + (y * du[0] - x * du[1]) / det;
-    if (!(fabs(s1 - 0.5) <= 0.75 && fabs(r1 - 0.5) <= 0.75))
-        return;
-    *s = s1;
-    *r = r1;
+    return source->t[(size_t)j * (size_t)source->width + (size_t)c];
+}
+
+static bool are_joined(const struct sv_warp_source *source, int c0, int j0, int c1, int j1)
+{
+    if (!texel_is_there(source, c0, j0) || !texel_is_there(source, c1, j1))
+        return false;
+    return fabsf((float)texel_t(source, c0, j0) - (float)texel_t(source, c1, j1)) <= source->cut;
+}
+
+static void quarter_set(const struct sv_warp_source *source, struct quarter *q)
+{
+    int c = q->column, j = q->row, c1 = c + q->h, j1 = j + q->v;
+    bool h = are_joined(source, c, j, c1, j), v = are_joined(source, c, j, c, j1);
+    bool far_h = are_joined(source, c, j1, c1, j1), far_v = are_joined(source, c1, j, c1, j1);
+    bool diagonal = (h && far_v) || (v && far_h);
+    bool has_h = h || (v && far_h && far_v), has_v = v || (h && far_v && far_h);
+    double own = texel_t(source, c, j), sum = own;
+    sum += has_h ? texel_t(source, c1, j) : 0;
+    sum += has_v ? texel_t(source, c, j1) : 0;
+    sum += diagonal ? texel_t(source, c1, j1) : 0;
+    q->t[0][0] = own;
+    q->t[0][1] = h ? 0.5 * (own + texel_t(source, c1, j)) : own;
+    q->t[1][0] = v ? 0.5 * (own + texel_t(source, c, j1)) : own;
+    q->t[1][1] = sum / (1 + has_h + has_v + diagonal);
+}
+
+/* One Newton step towards picture place (px, py) on the quarter's surface; false when it leads nowhere. */
+static bool quarter_step(const struct sv_warp_source *source, const struct quarter *q, double px, double py,
+                         double *u, double *v)
+{
+    double a = 2 * q->h * (*u - q->column - 0.5), b = 2 * q->v * (*v - q->row - 0.5), w[4], wu[4], wv[4];
+    double near = q->t[0][0] + a * (q->t[0][1] - q->t[0][0]),
+           far = q->t[1][0] + a * (q->t[1][1] - q->t[1][0]);
+    double t = near + b * (far - near), tv = 2 * q->v * (far - near);
+    double tu = 2 * q->h * ((1 - b) * (q->t[0][1] - q->t[0][0]) + b * (q->t[1][1] - q->t[1][0]));
+    for (int k = 0; k < 4; k++) {
+        const double *m = source->map.m[k];
+        w[k] = m[0] * *u + m[1] * *v + m[2] * t + m[3];
+        wu[k] = m[0] + m[2] * tu;
+        wv[k] = m[1] + m[2] * tv;
+    }
+    double x = px - w[0] / w[3], y = py - w[1] / w[3]; /* derivatives of w[k] / w[3], times w[3] */
+    double xu = wu[0] - w[0] / w[3] * wu[3], yu = wu[1] - w[1] / w[3] * wu[3];
+    double xv = wv[0] - w[0] / w[3] * wv[3], yv = wv[1] - w[1] / w[3] * wv[3];
+    double scale = w[3] / (xu * yv - yu * xv), du = scale * (x * yv - y * xv), dv = scale * (y * xu - x * yu);
+    if (!(w[3] > 0 && fabs(du) <= 0.5 && fabs(dv) <= 0.5))
+        return false;
+    *u += du;
+    *v += dv;
+    return true;
+}
+
+/* Takes the place over to the neighbour where it has left texel q; back to the edge where they are torn. */
+static void quarter_move(const struct sv_warp_source *source, struct quarter *q, double *u, double *v)
+{
+    int c = (int)floor(*u), j = (int)floor(*v);
+    if (c != q->column && !are_joined(source, q->column, q->row, c, q->row)) {
+        *u = c < q->column ? q->column : q->column + 1;
+        c = q->column;
+    }
+    if (j != q->row && !are_joined(source, c, q->row, c, j)) {
+        *v = j < q->row ? q->row : q->row + 1;
+        j = q->row;
+    }
+    q->column = c;
+    q->row = j;
+    q->h = *u < c + 0.5 ? -1 : 1;
+    q->v = *v < j + 0.5 ? -1 : 1;
 }
 
 bool sv_warp_locate(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int i, int j,
@@ -159,17 +207,25 @@ bool sv_warp_locate(const struct sv_warp_source *sources, const struct sv_warp_b
     uint32_t texel = buffer->texel[p], place = buffer->place[p];
     if (texel == SV_WARP_EMPTY)
         return false;
-    const struct sv_warp_source *source = sources + (texel >> SV_WARP_TEXEL_BITS & 31);
-    uint32_t index = texel & ((UINT32_C(1) << SV_WARP_TEXEL_BITS) - 1);
+    const struct sv_warp_source *source = sources + (texel >> SV_WARP_TEXEL_BITS & (SV_WARP_SOURCES_MAX - 1));
+    uint32_t index = texel & SV_WARP_TEXEL_MASK;
     int c = (int)(index % (uint32_t)source->width), row = (int)(index / (uint32_t)source->width);
-    double s = ((double)(place >> 8) + 0.5) / 256, r = ((double)(place >> 1 & 127) + 0.5) / 128;
-    if (place & 1) {
-        patch_refine(source, c, row, i + 0.5, j + 0.5, &s, &r);
-        *u = c + 0.5 + s;
-        *v = row + 0.5 + r;
+    double half = place & 1 ? 0.5 : 0;
+    *u = c + half + ((double)(place >> 8) + 0.5) / 256;
+    *v = row + half + ((double)(place >> 1 & 127) + 0.5) / 128;
+    if (texel & SV_WARP_FILLED)
         return true;
+    struct quarter q = {.column = (int)*u, .row = (int)*v};
+    double from_u = *u, from_v = *v, at_u = *u, at_v = *v;
+    for (int step = 0; step < 5; step++) {
+        quarter_move(source, &q, &at_u, &at_v);
+        quarter_set(source, &q);
+        if (!quarter_step(source, &q, i + 0.5, j + 0.5, &at_u, &at_v) || fabs(at_u - from_u) > 0.5 ||
+            fabs(at_v - from_v) > 0.5)
+            return true; /* seen edge-on: what the splat found stands */
     }
-    *u = c + s;
-    *v = row + r;
+    quarter_move(source, &q, &at_u, &at_v);
+    *u = at_u;
+    *v = at_v;
     return true;
 }

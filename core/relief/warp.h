@@ -71,8 +71,9 @@ void sv_warp_splat(const struct sv_warp_source *source, unsigned k, struct sv_wa
 /* Finds what opens behind torn edges and fills it from the far side; call once, after all sources. */
 void sv_warp_fill(const struct sv_warp_source *sources, unsigned count, struct sv_warp_buffer *buffer,
                   struct sv_warp_stats *stats);
-/* The place on its source that the pixel's centre shows, from the texel that the buffer holds: (u, v) by one
- * Newton step on the bilinear surface, kept within a texel of it. False for an empty pixel. */
+/* The place on its source that the pixel's centre shows, by Newton's steps on the surface, from where the
+ * splat has it (to 1 / 256 and 1 / 128 texel: what the resolves go by); in filled holes just that. False for
+ * an empty pixel. */
 bool sv_warp_locate(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int i, int j,
                     double *u, double *v);
 /* Colours of the pixels that hold something: rgba is width * height * 4 of the buffer's size, sRGB straight,
@@ -91,7 +92,7 @@ bool sv_warp_weigh(const struct sv_warp_source *sources, const struct sv_warp_bu
  * images[k] belongs to source k, NULL: its pixels are left alone. out is of the buffer's size. */
 void sv_warp_resolve_int16(const struct sv_warp_source *sources, const int16_t (*const *images)[4],
                            unsigned count, const struct sv_warp_buffer *buffer, int16_t (*out)[4]);
-/* Depth of the very place that a pixel's centre shows (the buffer's own is linear over a cell); pixels that
+/* Depth on the bilinear surface at each pixel's place (the buffer's own is linear over a cell); pixels that
  * are empty are left alone. */
 void sv_warp_resolve_depth(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer,
                            float *depth);

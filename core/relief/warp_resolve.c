@@ -154,21 +154,22 @@ void sv_warp_resolve_depth(const struct sv_warp_source *sources, const struct sv
     for (int j = buffer->y0; j < buffer->y1; j++)
         for (int i = buffer->x0; i < buffer->x1; i++) {
             size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
-            struct sv_warp_weights w;
+            struct sv_warp_weights n;
             unsigned k;
-            double u, v, t = 0;
-            if (!sv_warp_weigh(sources, buffer, i, j, &k, &w))
+            if (!sv_warp_weigh(sources, buffer, i, j, &k, &n))
                 continue;
             depth[p] = buffer->depth[p];
-            if ((buffer->texel[p] & SV_WARP_FILLED) || !(buffer->place[p] & 1) ||
-                !sv_warp_locate(sources, buffer, i, j, &u, &v))
+            if (!(buffer->place[p] & 1))
                 continue;
-            for (int n = 0; n < 4; n++)
-                t += (double)w.weight[n] * sources[k].t[w.texel[n]];
-            const double *d = sources[k].map.m[2], *h = sources[k].map.m[3];
-            double refined =
-                (d[0] * u + d[1] * v + d[2] * t + d[3]) / (h[0] * u + h[1] * v + h[2] * t + h[3]);
-            if (refined >= 0 && refined <= 1)
-                depth[p] = (float)refined;
+            const struct sv_warp_source *s = &sources[k];
+            double u = (double)(n.texel[0] % (uint32_t)s->width) + 0.5 + (double)(n.weight[1] + n.weight[3]);
+            double v = (double)(n.texel[0] / (uint32_t)s->width) + 0.5 + (double)(n.weight[2] + n.weight[3]);
+            double t = 0;
+            for (int c = 0; c < 4; c++)
+                t += (double)n.weight[c] * s->t[n.texel[c]];
+            const double *d = s->map.m[2], *w = s->map.m[3];
+            double here = (d[0] * u + d[1] * v + d[2] * t + d[3]) / (w[0] * u + w[1] * v + w[2] * t + w[3]);
+            if (here >= 0 && here <= 1)
+                depth[p] = (float)here;
         }
 }

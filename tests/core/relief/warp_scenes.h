@@ -6,6 +6,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
+#include "core/base/simd.h"
 #include "core/relief/warp.h"
 
 static inline uint32_t scene_random(uint64_t *state)
@@ -95,6 +96,26 @@ static inline struct sv_camera scene_camera(const struct sv_relief_frame *frame,
     camera.ortho_height_m = height / texel_px;
     sv_camera_aim(&camera, atan2(look.x, look.y), asin(sv_clamp(look.z, -1, 1)), roll);
     return camera;
+}
+
+/* Levels that this machine has: scalar, SSE2, AVX2. */
+static inline int level_count(void)
+{
+    return sv_simd_level() == SV_SIMD_AVX2 ? 3 : 2;
+}
+
+/* A source in UTM coordinates, seen from twice its width: angle off the front, turn about it, roll. */
+static inline struct sv_warp_source posed(enum scene_shape shape, int width, int height, double angle,
+                                          double turn, double roll, double texel_px, int picture,
+                                          uint64_t seed)
+{
+    const struct sv_vec3 middle = {.x = 412345.5, .y = 4123456.25, .z = 310};
+    struct sv_warp_source s = scene_source(shape, width, height, seed);
+    struct sv_relief_frame frame = scene_frame(width, height, middle, sv_vec3(0.3, -1, 0.2));
+    struct sv_camera camera =
+        scene_camera(&frame, middle, 2.0 * width, angle, turn, roll, picture, picture, texel_px);
+    sv_warp_map_from_camera(&frame, &camera, 0, 0, &s.map);
+    return s;
 }
 
 #endif
