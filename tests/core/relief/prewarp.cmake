@@ -6,3 +6,6 @@ if(TARGET sv_relief_prewarp_draw AND TARGET sv_relief_warp AND TARGET sv_relief_
   sv_test(test_prewarp_draw SOURCES test_prewarp_draw.c named_reliefs.c ray_march.c LIBS sv_relief_prewarp_draw sv_relief_warp sv_relief_lighting sv_gl sv_base
           LABELS relief)
 endif()
+if(TARGET sv_relief_prewarp AND TARGET sv_relief_warp AND TARGET sv_relief_shadow AND TARGET sv_relief_lighting)
+  sv_test(test_relief_extremes LIBS sv_relief_prewarp sv_relief_warp sv_relief_shadow sv_relief_lighting sv_base LABELS relief)
+endif()
