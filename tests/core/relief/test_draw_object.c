@@ -433,8 +433,8 @@ int main(void)
                                           cmocka_unit_test(orbit_in_relief), cmocka_unit_test(form_by_size),
                                           cmocka_unit_test(shadow_on_the_ground)};
     /* These make renderers of their own: there is one GL context at a time. */
-    const struct CMUnitTest others[] = {cmocka_unit_test(a_thousand), cmocka_unit_test(shadow_on_another),
-                                        cmocka_unit_test(real_models)};
+    const struct CMUnitTest others[] = {cmocka_unit_test(a_thousand), cmocka_unit_test(real_models),
+                                        cmocka_unit_test(shadow_on_another)};
     int failed = cmocka_run_group_tests(on_stage, set_up, tear_down);
     return failed + cmocka_run_group_tests(others, NULL, NULL);
 }
