@@ -13,6 +13,8 @@
 /* An edge's place where it crosses a row of pixel centres may be off by this (px): middles of edges are
  * rounded apart from the straight edge of the neighbour. */
 #define RUN_SLACK (1.0 / 128)
+/* SV_WARP_TWIST of a small patch: finer, for footprints are what silhouettes are made of. */
+#define PATCH_TWIST (1.0 / 64)
 
 /* Affine functions over the picture, from their values at a triangle's corners. */
 struct basis {
@@ -272,17 +274,52 @@ static bool box_shows(const struct sv_warp_buffer *buffer, const struct sv_warp_
     return true;
 }
 
+/* The patch as a parallelogram, when it is small and nearly one: as the kernels draw fast cells, with an edge
+ * that allows for middles of edges being rounded apart. False, with nothing drawn, when it is not. */
+static bool patch_small(const struct sv_warp_corner c[4], const int box[4], struct piece *piece)
+{
+    double e1x = c[1].x - c[0].x, e1y = c[1].y - c[0].y, e2x = c[3].x - c[0].x, e2y = c[3].y - c[0].y;
+    double e3x = c[2].x - c[0].x, e3y = c[2].y - c[0].y, det = e1x * e2y - e1y * e2x;
+    double size = (fabs(e1x) + fabs(e2x)) * (fabs(e1y) + fabs(e2y)), scale = 1 / det;
+    double ax = e2y * scale, ay = -e2x * scale, bx = -e1y * scale, by = e1x * scale;
+    double a3 = e3x * ax + e3y * ay, b3 = e3x * bx + e3y * by;
+    if (box[2] - box[0] > SV_WARP_SMALL || box[3] - box[1] > SV_WARP_SMALL ||
+        !(fabs(det) >= size * SV_WARP_SLIVER) || !(fabs(a3 - 1) <= PATCH_TWIST) ||
+        !(fabs(b3 - 1) <= PATCH_TWIST))
+        return false;
+    double a_edge = RUN_SLACK * (fabs(ax) + fabs(ay)), b_edge = RUN_SLACK * (fabs(bx) + fabs(by));
+    double a_max = most(a3, 1) + a_edge, b_max = most(b3, 1) + b_edge;
+    double d_min = least(min3(c[0].d, c[1].d, c[2].d), c[3].d);
+    double d_max = most(max3(c[0].d, c[1].d, c[2].d), c[3].d), d1 = c[1].d - c[0].d, d2 = c[3].d - c[0].d;
+    struct sv_warp_pixels to = sv_warp_pixels_of(piece->buffer);
+    for (int j = box[1]; j < box[3]; j++)
+        for (int i = box[0]; i < box[2]; i++) {
+            double x = i + 0.5 - c[0].x, y = j + 0.5 - c[0].y, a = x * ax + y * ay, b = x * bx + y * by;
+            if (!(a >= -a_edge && a <= a_max && b >= -b_edge && b <= b_max))
+                continue;
+            size_t p = (size_t)j * (size_t)piece->buffer->width + (size_t)i;
+            float d = (float)least(most(c[0].d + a * d1 + b * d2, d_min), d_max);
+            float s = (float)(c[0].s + a * (c[1].s - c[0].s) + b * (c[3].s - c[0].s));
+            float r = (float)(c[0].r + a * (c[1].r - c[0].r) + b * (c[3].r - c[0].r));
+            uint32_t at = sv_warp_place(s - piece->s0, r - piece->r0, piece->full);
+            piece->pixels += sv_warp_put(to, p, d, piece->texel, at);
+        }
+    return true;
+}
+
 /* Draws the patch with corners in order around it. */
 static void patch_draw(struct cell *cell, const struct sv_warp_corner c[4], struct piece *piece)
 {
     struct sv_warp_job *job = cell->job;
-    struct sv_warp_corner other[3] = {c[0], c[2], c[3]};
     int box[4];
     if (job->budget <= 0 || !box_shows(job->buffer, c, box))
         return;
     sv_warp_touch(job->buffer, box[0], box[1], box[2], box[3]);
-    job->budget -= sv_warp_triangle(job->buffer, c, draw_run, piece);
-    job->budget -= sv_warp_triangle(job->buffer, other, draw_run, piece);
+    if (!patch_small(c, box, piece)) {
+        struct sv_warp_corner other[3] = {c[0], c[2], c[3]};
+        job->budget -= sv_warp_triangle(job->buffer, c, draw_run, piece);
+        job->budget -= sv_warp_triangle(job->buffer, other, draw_run, piece);
+    }
     job->pixels += piece->pixels;
 }
 

@@ -108,54 +108,70 @@ static struct side side_of(const struct sv_warp_tear *tear, int k)
                          .x_max = most(tear->x[a], tear->x[b]) + WALL_SLACK};
 }
 
-/* Pixels of row j between the outline's sides; false when there is none. */
-static bool row_span(const struct side side[4], int j, int width, int *i0, int *i1)
+enum { ROWS = 64 };
+
+/* Where the outline lies in rows j0 .. j0 + n - 1: lo > hi where it does not. */
+struct outline {
+    int j0, n;
+    float lo[ROWS], hi[ROWS];
+};
+
+static void outline_add(struct outline *outline, const struct side *side)
 {
-    float y = (float)j + 0.5f, lo = INFINITY, hi = -INFINITY;
-    for (int k = 0; k < 4; k++) {
-        const struct side *e = &side[k];
-        if (y < e->y0 || y > e->y1)
-            continue;
-        float x = e->x0 + (y - e->y0 - WALL_SLACK) * e->slope;
-        bool level = e->y1 - e->y0 <= 3 * WALL_SLACK;
-        lo = least(lo, level ? e->x_min : most(x - WALL_SLACK, e->x_min));
-        hi = most(hi, level ? e->x_max : least(x + WALL_SLACK, e->x_max));
+    float first = most(ceilf(side->y0 - 0.5f), (float)outline->j0);
+    float last = least(floorf(side->y1 - 0.5f), (float)(outline->j0 + outline->n - 1));
+    if (!(first <= last))
+        return;
+    bool level = side->y1 - side->y0 <= 3 * WALL_SLACK;
+    float x = side->x0 + (first + 0.5f - side->y0 - WALL_SLACK) * side->slope;
+    float slope = level ? 0 : side->slope;
+    int k = (int)first - outline->j0, n = (int)last - outline->j0;
+    for (; k <= n; k++, x += slope) {
+        float lo = level ? side->x_min : most(x - WALL_SLACK, side->x_min);
+        float hi = level ? side->x_max : least(x + WALL_SLACK, side->x_max);
+        outline->lo[k] = least(outline->lo[k], lo);
+        outline->hi[k] = most(outline->hi[k], hi);
     }
-    float a = most(lo - 0.5f, 0), b = least(hi - 0.5f, (float)(width - 1));
+}
+
+/* Claims what is open among the pixels of one row; returns how many it looked at. */
+static int row_claim(struct wall *wall, struct sv_warp_buffer *buffer, int j, float lo, float hi)
+{
+    float a = most(lo - 0.5f, 0), b = least(hi - 0.5f, (float)(buffer->width - 1));
     if (!(a <= b))
-        return false;
-    *i0 = (int)ceilf(a);
-    *i1 = (int)b;
-    return *i0 <= *i1;
+        return 0;
+    const uint32_t *held = buffer->texel + (size_t)j * (size_t)buffer->width;
+    int i0 = (int)ceilf(a), i1 = (int)b;
+    for (int i = i0; i <= i1; i++)
+        if (held[i] & SV_WARP_FILLED) /* else a surface; an empty pixel has that bit, too */
+            wall_claim(wall, buffer, i, j);
+    return i1 - i0 + 1;
 }
 
 /* Walks the pixels of the wall's outline, a span in each row. Returns how many. */
 static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer *buffer)
 {
     struct wall wall;
+    struct outline outline;
     struct side side[4] = {side_of(tear, 0), side_of(tear, 1), side_of(tear, 2), side_of(tear, 3)};
     float y0 = least(least(side[0].y0, side[1].y0), least(side[2].y0, side[3].y0));
     float y1 = most(most(side[0].y1, side[1].y1), most(side[2].y1, side[3].y1));
     float j0 = ceilf(most(y0 - 0.5f, 0)), j1 = floorf(least(y1 - 0.5f, (float)(buffer->height - 1)));
     int64_t walked = 1;
-    bool ready = false;
     if (!(j0 <= j1))
         return walked;
-    for (int j = (int)j0; j <= (int)j1; j++) {
-        int i0, i1;
-        walked++;
-        if (!row_span(side, j, buffer->width, &i0, &i1))
-            continue;
-        const uint32_t *held = buffer->texel + (size_t)j * (size_t)buffer->width;
-        for (int i = i0; i <= i1; i++) {
-            if (!(held[i] & SV_WARP_FILLED)) /* a surface; an empty pixel has that bit, too */
-                continue;
-            if (!ready)
-                wall_set(tear, &wall);
-            ready = true;
-            wall_claim(&wall, buffer, i, j);
+    wall_set(tear, &wall);
+    for (outline.j0 = (int)j0; outline.j0 <= (int)j1; outline.j0 += ROWS) {
+        int left = (int)j1 - outline.j0 + 1;
+        outline.n = left < ROWS ? left : ROWS;
+        for (int k = 0; k < outline.n; k++) {
+            outline.lo[k] = INFINITY;
+            outline.hi[k] = -INFINITY;
         }
-        walked += i1 - i0;
+        for (int k = 0; k < 4; k++)
+            outline_add(&outline, &side[k]);
+        for (int k = 0; k < outline.n; k++)
+            walked += 1 + row_claim(&wall, buffer, outline.j0 + k, outline.lo[k], outline.hi[k]);
     }
     return walked;
 }

@@ -30,9 +30,9 @@ static void weigh_torn(const struct sv_warp_source *source, int c, int j, float 
     w->weight[1] = by_h ? du * (1 - dv) : 0;
     w->weight[2] = by_v ? (1 - du) * dv : 0;
     w->weight[3] = diagonal ? du * dv : 0;
-    float sum = w->weight[0] + w->weight[1] + w->weight[2] + w->weight[3];
+    float share = 1 / (w->weight[0] + w->weight[1] + w->weight[2] + w->weight[3]);
     for (int k = 0; k < 4; k++)
-        w->weight[k] /= sum;
+        w->weight[k] *= share;
 }
 
 bool sv_warp_weigh(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int i, int j,
@@ -77,13 +77,14 @@ static void blend_full(const uint8_t (*color)[4], uint32_t width, uint32_t place
 
 static void blend_torn(const struct sv_warp_source *source, const struct sv_warp_weights *w, uint8_t out[4])
 {
-    for (int k = 0; k < 4; k++) {
-        float sum = 0.5f;
-        for (int i = 0; i < 4; i++)
-            if (w->weight[i] > 0)
-                sum += w->weight[i] * source->color[w->texel[i]][k];
-        out[k] = (uint8_t)(sum < 255 ? sum : 255);
+    float sum[4] = {0.5f, 0.5f, 0.5f, 0.5f};
+    for (int i = 0; i < 4; i++) {
+        const uint8_t *color = source->color[w->texel[i]];
+        for (int k = 0; k < 4 && w->weight[i] > 0; k++)
+            sum[k] += w->weight[i] * color[k];
     }
+    for (int k = 0; k < 4; k++)
+        out[k] = (uint8_t)(sum[k] < 255 ? sum[k] : 255);
 }
 
 void sv_warp_resolve_run(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int j,

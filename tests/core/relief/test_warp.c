@@ -253,7 +253,7 @@ static void check_shape(enum scene_shape shape, real grow_texel, const char *nam
 static void test_smooth_has_no_pin_holes(void **state)
 {
     (void)state;
-    check_shape(SCENE_FLAT, 0.002L, "flat");
+    check_shape(SCENE_FLAT, 0.016L, "flat");
     check_shape(SCENE_SMOOTH, 0.125L, "smooth");
     check_shape(SCENE_STEPPED, 0.125L, "stepped");
 }
@@ -264,7 +264,8 @@ static void test_noise_has_no_pin_holes(void **state)
     check_shape(SCENE_NOISE, 0.125L, "noise");
 }
 
-/* Footprints: a lone texel and a 1 x 1 texture cover half a texel to each side, exactly. */
+/* Footprints: a lone texel and a 1 x 1 texture cover half a texel to each side: to 1/64 of a texel
+ * where that is small (6 px: 0.1 px), exactly where it is large. */
 static void test_footprints(void **state)
 {
     (void)state;
@@ -282,7 +283,7 @@ static void test_footprints(void **state)
             color[k][3] = width > 1 && scene_uniform(&seed, 0, 1) < 0.3 ? 127 : 128;
             t[k] = width > 1 && scene_uniform(&seed, 0, 1) < 0.3 ? 5.0f : 0; /* torn from the others */
         }
-        judge(&s, 64, 64, 0.02L, (enum sv_simd)(round % level_count()), &v);
+        judge(&s, 64, 64, 0.1L, (enum sv_simd)(round % level_count()), &v);
         scene_finish(&s);
     }
     print_message("footprints: %ld covered, %ld drawn, pin-holes %ld, grown %ld, too far %ld, too near %ld\n",
