@@ -18,6 +18,7 @@
 struct wall {
     const struct sv_warp_tear *tear;
     float gx, gy, ex, ey, e0, length_px;
+    uint32_t lost; /* holes that there was no memory for */
 };
 
 static void wall_set(const struct sv_warp_tear *tear, struct wall *wall)
@@ -60,7 +61,7 @@ static bool hole_add(struct sv_warp_tears *tears, size_t p)
 
 /* A pixel that shows nothing yet goes to this wall; one that another wall has filled, if this one's far side
  * is nearer. While walls compete depth[] is -1 - distance (px). */
-static void wall_claim(const struct wall *wall, struct sv_warp_buffer *buffer, int i, int j)
+static void wall_claim(struct wall *wall, struct sv_warp_buffer *buffer, int i, int j)
 {
     const struct sv_warp_tear *tear = wall->tear;
     size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
@@ -69,8 +70,10 @@ static void wall_claim(const struct wall *wall, struct sv_warp_buffer *buffer, i
     float g = -1 - wall->length_px * unit(dx * wall->gx + dy * wall->gy);
     float e = unit(dx * wall->ex + dy * wall->ey + wall->e0);
     if (held == SV_WARP_EMPTY) {
-        if (!hole_add(buffer->tears, p))
+        if (!hole_add(buffer->tears, p)) {
+            wall->lost++;
             return;
+        }
         sv_warp_touch(buffer, i, j, i + 1, j + 1);
     } else if (buffer->depth[p] >= 0 || g < buffer->depth[p] || (g == buffer->depth[p] && texel >= held)) {
         return;
@@ -149,7 +152,7 @@ static int row_claim(struct wall *wall, struct sv_warp_buffer *buffer, int j, fl
 }
 
 /* Walks the pixels of the wall's outline, a span in each row. Returns how many. */
-static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer *buffer)
+static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer *buffer, uint32_t *lost)
 {
     struct wall wall;
     struct outline outline;
@@ -173,6 +176,7 @@ static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer 
         for (int k = 0; k < outline.n; k++)
             walked += 1 + row_claim(&wall, buffer, outline.j0 + k, outline.lo[k], outline.hi[k]);
     }
+    *lost += wall.lost;
     return walked;
 }
 
@@ -191,14 +195,16 @@ void sv_warp_fill(const struct sv_warp_source *sources, unsigned count, struct s
 {
     struct sv_warp_tears *tears = buffer->tears;
     int64_t budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height;
+    uint32_t lost = 0;
     tears->hole_count = 0;
     for (size_t i = 0; i < tears->count && budget > 0; i++)
-        budget -= wall_walk(&tears->items[i], buffer);
+        budget -= wall_walk(&tears->items[i], buffer, &lost);
     for (size_t i = 0; i < tears->hole_count; i++) {
         size_t p = tears->holes[i];
         unsigned k = buffer->texel[p] >> SV_WARP_TEXEL_BITS & (SV_WARP_SOURCES_MAX - 1);
         if (k < count)
             buffer->depth[p] = texel_depth(&sources[k], buffer->texel[p]);
     }
-    stats->holes += (uint32_t)tears->hole_count;
+    stats->holes += (uint32_t)tears->hole_count + lost;
+    stats->holes_left += lost;
 }

@@ -35,6 +35,21 @@ static void weigh_torn(const struct sv_warp_source *source, int c, int j, float 
         w->weight[k] *= share;
 }
 
+/* A filled pixel shows the far texel's border, along which its neighbour on that side has a share. */
+static void weigh_filled(const struct sv_warp_source *source, uint32_t own, uint32_t place,
+                         struct sv_warp_weights *w)
+{
+    uint32_t width = (uint32_t)source->width, fu = place >> 8, fv = place >> 1 & 127;
+    bool along_v = fu == 0 || fu == 255; /* the border is the texel's left or right one */
+    float part = along_v ? ((float)fv + 0.5f) / 128 - 0.5f : ((float)fu + 0.5f) / 256 - 0.5f;
+    uint32_t at = along_v ? own / width : own % width,
+             last = (uint32_t)(along_v ? source->height : source->width) - 1;
+    uint32_t step = along_v ? width : 1, other = part < 0 ? own - step : own + step;
+    bool has = part < 0 ? at > 0 : at < last;
+    float share = has && joined(source, own, other) ? fabsf(part) : 0;
+    *w = (struct sv_warp_weights){{own, has ? other : own, own, own}, {1 - share, share, 0, 0}};
+}
+
 bool sv_warp_weigh(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int i, int j,
                    unsigned *source, struct sv_warp_weights *weights)
 {
@@ -45,6 +60,10 @@ bool sv_warp_weigh(const struct sv_warp_source *sources, const struct sv_warp_bu
     *source = texel >> SV_WARP_TEXEL_BITS & (SV_WARP_SOURCES_MAX - 1);
     const struct sv_warp_source *from = sources + *source;
     uint32_t index = texel & SV_WARP_TEXEL_MASK, width = (uint32_t)from->width;
+    if (texel & SV_WARP_FILLED) {
+        weigh_filled(from, index, place, weights);
+        return true;
+    }
     float fu = ((float)(place >> 8) + 0.5f) / 256, fv = ((float)(place >> 1 & 127) + 0.5f) / 128;
     if (!(place & 1)) {
         weigh_torn(from, (int)(index % width), (int)(index / width), fu, fv, weights);
@@ -80,7 +99,9 @@ static void blend_torn(const struct sv_warp_source *source, const struct sv_warp
     float sum[4] = {0.5f, 0.5f, 0.5f, 0.5f};
     for (int i = 0; i < 4; i++) {
         const uint8_t *color = source->color[w->texel[i]];
-        for (int k = 0; k < 4 && w->weight[i] > 0; k++)
+        if (!(w->weight[i] > 0))
+            continue;
+        for (int k = 0; k < 4; k++)
             sum[k] += w->weight[i] * color[k];
     }
     for (int k = 0; k < 4; k++)
