@@ -46,6 +46,16 @@ float sv_shadow_cast_coverage(const struct sv_shadow_cast *c, float s, float t, 
     return low + (high - low) * v;
 }
 
+float sv_shadow_cast_mean(const struct sv_shadow_cast *c, float s, float t, float d)
+{
+    float sum = 0;
+    for (int b = 0; b < c->samples_t; b++)
+        for (int a = 0; a < c->samples_s; a++)
+            sum += sv_shadow_cast_coverage(c, s + sv_shadow_cast_offset(a, c->samples_s) * c->spread_s,
+                                           t + sv_shadow_cast_offset(b, c->samples_t) * c->spread_t, d);
+    return sum * (1.0f / (float)(c->samples_s * c->samples_t));
+}
+
 void sv_shadow_cast_row_scalar(const struct sv_shadow_cast *c, float s, float t, float d, int count,
                                const float *ground, uint8_t *light)
 {
@@ -53,9 +63,9 @@ void sv_shadow_cast_row_scalar(const struct sv_shadow_cast *c, float s, float t,
         if (!light[i])
             continue;
         float k = (float)i, g = ground[i];
-        float cover = sv_shadow_cast_coverage(c, (s + k * c->step_s) + g * c->height_s,
-                                              (t + k * c->step_t) + g * c->height_t,
-                                              (d + k * c->step_d) + g * c->height_d);
+        float cover =
+            sv_shadow_cast_mean(c, (s + k * c->step_s) + g * c->height_s,
+                                (t + k * c->step_t) + g * c->height_t, (d + k * c->step_d) + g * c->height_d);
         light[i] = sv_shadow_darken(light[i], (unsigned)(cover + 0.5f));
     }
 }
@@ -221,43 +231,10 @@ static bool narrow(const struct job *job, double *from, double *to)
 
 /* ---- rows ---- */
 
-/* Coverage of one window texel by n x n samples, the ground taken as a plane there. */
-static float texel_mean(const struct sv_shadow_cast *c, const float stu[3], const float across[3], int n)
+/* Samples that a spread of so many texels wants. */
+static int samples_of(double spread)
 {
-    float sum = 0;
-    for (int b = 0; b < n; b++)
-        for (int a = 0; a < n; a++) {
-            float u = ((float)a + 0.5f) / (float)n - 0.5f, v = ((float)b + 0.5f) / (float)n - 0.5f;
-            sum += sv_shadow_cast_coverage(c, stu[0] + u * c->step_s + v * across[0],
-                                           stu[1] + u * c->step_t + v * across[1],
-                                           stu[2] + u * c->step_d + v * across[2]);
-        }
-    return sum / (float)(n * n);
-}
-
-/* A row whose texels are coarser than the silhouette's. */
-static void coarse_row(const struct job *job, float s, float t, float d, int count, const float *ground,
-                       uint8_t *light, int n)
-{
-    const struct sv_shadow_cast *c = &job->cast;
-    float texel = (float)job->window->texel_m;
-    const float across[3] = {(float)job->s.y * texel, (float)job->t.y * texel, (float)job->d.y * texel};
-    for (int i = 0; i < count; i++) {
-        if (!light[i])
-            continue;
-        float k = (float)i, g = ground[i];
-        const float stu[3] = {(s + k * c->step_s) + g * c->height_s, (t + k * c->step_t) + g * c->height_t,
-                              (d + k * c->step_d) + g * c->height_d};
-        light[i] = sv_shadow_darken(light[i], (unsigned)(texel_mean(c, stu, across, n) + 0.5f));
-    }
-}
-
-static int samples_of(const struct job *job)
-{
-    double m = job->window->texel_m;
-    double s = hypot(job->s.x, job->s.y) * m, t = hypot(job->t.x, job->t.y) * m;
-    double finest = fmax(s, t);
-    return finest <= 1.5 ? 1 : finest <= 2.5 ? 2 : finest <= 3.5 ? 3 : 4;
+    return spread <= 1.5 ? 1 : spread <= 2.5 ? 2 : spread <= 3.5 ? 3 : 4;
 }
 
 static void cast_rows(const struct job *job, double from, double to)
@@ -265,8 +242,7 @@ static void cast_rows(const struct job *job, double from, double to)
     struct sv_shadow_window *w = job->window;
     double m = w->texel_m;
     struct span box = track_box(job, from, to);
-    int n = samples_of(job);
-    double slack = n > 1 ? 0.5 * (hypot(job->s.x, job->s.y) * m) + 0.5 : 0.5;
+    double slack = 0.5 * (double)job->cast.spread_s + 0.5;
     int j0 = (int)fmax(0, floor(box.y0 / m - 0.5)), j1 = (int)fmin(SIDE - 1, ceil(box.y1 / m));
     double low_i = fmax(0, floor(box.x0 / m - 0.5)), high_i = fmin(SIDE - 1, ceil(box.x1 / m));
     sv_shadow_cast_row *row =
@@ -286,10 +262,7 @@ static void cast_rows(const struct job *job, double from, double to)
         float s = (float)form_at(&job->s, x, y, 0), t = (float)form_at(&job->t, x, y, 0),
               d = (float)form_at(&job->d, x, y, 0);
         size_t at = (size_t)j * SIDE + (size_t)i0;
-        if (n > 1)
-            coarse_row(job, s, t, d, count, w->ground + at, w->light + at, n);
-        else
-            row(&job->cast, s, t, d, count, w->ground + at, w->light + at);
+        row(&job->cast, s, t, d, count, w->ground + at, w->light + at);
     }
 }
 
@@ -313,10 +286,21 @@ void sv_shadow_window_cast(struct sv_shadow_window *window, const struct sv_silh
     job.d = make_form(window, sil->travel, 1, place, scale, sil->corner);
     job.s.at -= 0.5;
     job.t.at -= 0.5;
-    job.cast = (struct sv_shadow_cast){
-        sil->coverage,       sil->first,           sil->width,           sil->height,
-        (float)sil->first_m, (float)(job.s.x * m), (float)(job.t.x * m), (float)(job.d.x * m),
-        (float)job.s.z,      (float)job.t.z,       (float)job.d.z,
-    };
+    double spread_s = hypot(job.s.x, job.s.y) * m, spread_t = hypot(job.t.x, job.t.y) * m;
+    job.cast = (struct sv_shadow_cast){.coverage = sil->coverage,
+                                       .first = sil->first,
+                                       .width = sil->width,
+                                       .height = sil->height,
+                                       .first_d = (float)sil->first_m,
+                                       .step_s = (float)(job.s.x * m),
+                                       .step_t = (float)(job.t.x * m),
+                                       .step_d = (float)(job.d.x * m),
+                                       .height_s = (float)job.s.z,
+                                       .height_t = (float)job.t.z,
+                                       .height_d = (float)job.d.z,
+                                       .samples_s = samples_of(spread_s),
+                                       .samples_t = samples_of(spread_t),
+                                       .spread_s = (float)spread_s,
+                                       .spread_t = (float)spread_t};
     cast_rows(&job, from, to);
 }

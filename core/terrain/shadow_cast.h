@@ -14,7 +14,16 @@ struct sv_shadow_cast {
     float first_d;
     float step_s, step_t, step_d;
     float height_s, height_t, height_d;
+    /* A window's texel covers spread_s x spread_t of the silhouette's: the mean of so many samples of it. */
+    int samples_s, samples_t;
+    float spread_s, spread_t;
 };
+
+/* Where sample k of n lies, in shares of the spread. */
+static inline float sv_shadow_cast_offset(int k, int n)
+{
+    return ((float)k + 0.5f) / (float)n - 0.5f;
+}
 
 /* count texels of one row, ground[0 .. count), light[0 .. count); s, t, d at texel 0 for ground 0. */
 typedef void sv_shadow_cast_row(const struct sv_shadow_cast *cast, float s, float t, float d, int count,
@@ -28,7 +37,8 @@ static inline uint8_t sv_shadow_darken(uint8_t light, unsigned coverage)
     return (uint8_t)((x + (x >> 8)) >> 8);
 }
 
-/* Coverage * 255 at (s, t), bilinear, nothing beyond the border, as a float. */
+/* Coverage * 255 at (s, t), bilinear, nothing beyond the border, as a float; and the mean of the samples. */
 float sv_shadow_cast_coverage(const struct sv_shadow_cast *cast, float s, float t, float d);
+float sv_shadow_cast_mean(const struct sv_shadow_cast *cast, float s, float t, float d);
 
 #endif

@@ -38,7 +38,7 @@ static inline __m256i behind(const struct sv_shadow_cast *c, __m256i i, __m256i 
     return _mm256_castps_si256(_mm256_cmp_ps(d, first, _CMP_GE_OQ));
 }
 
-static inline __m256i coverage8(const struct sv_shadow_cast *c, __m256 s, __m256 t, __m256 d)
+static inline __m256 coverage8(const struct sv_shadow_cast *c, __m256 s, __m256 t, __m256 d)
 {
     const __m256 minus = _mm256_set1_ps(-1);
     const __m256i none = _mm256_set1_epi32(-1);
@@ -47,7 +47,7 @@ static inline __m256i coverage8(const struct sv_shadow_cast *c, __m256 s, __m256
                       _mm256_and_ps(_mm256_cmp_ps(s, _mm256_set1_ps((float)c->width), _CMP_LT_OQ),
                                     _mm256_cmp_ps(t, _mm256_set1_ps((float)c->height), _CMP_LT_OQ)));
     if (_mm256_testz_ps(in, in))
-        return _mm256_setzero_si256();
+        return _mm256_setzero_ps();
     s = _mm256_and_ps(s, in);
     t = _mm256_and_ps(t, in);
     __m256 fs = _mm256_floor_ps(s), ft = _mm256_floor_ps(t);
@@ -67,8 +67,20 @@ static inline __m256i coverage8(const struct sv_shadow_cast *c, __m256 s, __m256
     __m256 f = low_byte(_mm256_srli_epi32(q, 8), _mm256_and_si256(right, far));
     __m256 low = _mm256_add_ps(a, _mm256_mul_ps(_mm256_sub_ps(b, a), u));
     __m256 high = _mm256_add_ps(e, _mm256_mul_ps(_mm256_sub_ps(f, e), u));
-    __m256 cover = _mm256_add_ps(low, _mm256_mul_ps(_mm256_sub_ps(high, low), v));
-    return _mm256_cvttps_epi32(_mm256_add_ps(cover, _mm256_set1_ps(0.5f)));
+    return _mm256_add_ps(low, _mm256_mul_ps(_mm256_sub_ps(high, low), v));
+}
+
+static inline __m256i mean8(const struct sv_shadow_cast *c, __m256 s, __m256 t, __m256 d)
+{
+    __m256 sum = _mm256_setzero_ps();
+    for (int b = 0; b < c->samples_t; b++)
+        for (int a = 0; a < c->samples_s; a++) {
+            __m256 off_s = _mm256_set1_ps(sv_shadow_cast_offset(a, c->samples_s) * c->spread_s);
+            __m256 off_t = _mm256_set1_ps(sv_shadow_cast_offset(b, c->samples_t) * c->spread_t);
+            sum = _mm256_add_ps(sum, coverage8(c, _mm256_add_ps(s, off_s), _mm256_add_ps(t, off_t), d));
+        }
+    sum = _mm256_mul_ps(sum, _mm256_set1_ps(1.0f / (float)(c->samples_s * c->samples_t)));
+    return _mm256_cvttps_epi32(_mm256_add_ps(sum, _mm256_set1_ps(0.5f)));
 }
 
 static inline void darken8(uint8_t *light, __m256i cover)
@@ -99,7 +111,7 @@ void sv_shadow_cast_row_avx2(const struct sv_shadow_cast *c, float s, float t, f
         sk = _mm256_add_ps(sk, _mm256_mul_ps(g, _mm256_set1_ps(c->height_s)));
         tk = _mm256_add_ps(tk, _mm256_mul_ps(g, _mm256_set1_ps(c->height_t)));
         dk = _mm256_add_ps(dk, _mm256_mul_ps(g, _mm256_set1_ps(c->height_d)));
-        __m256i cover = coverage8(c, sk, tk, dk);
+        __m256i cover = mean8(c, sk, tk, dk);
         if (!_mm256_testz_si256(cover, cover))
             darken8(light + i, cover);
     }
@@ -107,9 +119,9 @@ void sv_shadow_cast_row_avx2(const struct sv_shadow_cast *c, float s, float t, f
         float k = (float)i, g = ground[i];
         if (!light[i])
             continue;
-        float cover = sv_shadow_cast_coverage(c, (s + k * c->step_s) + g * c->height_s,
-                                              (t + k * c->step_t) + g * c->height_t,
-                                              (d + k * c->step_d) + g * c->height_d);
+        float cover =
+            sv_shadow_cast_mean(c, (s + k * c->step_s) + g * c->height_s,
+                                (t + k * c->step_t) + g * c->height_t, (d + k * c->step_d) + g * c->height_d);
         light[i] = sv_shadow_darken(light[i], (unsigned)(cover + 0.5f));
     }
 }

@@ -261,8 +261,8 @@ static void casts_against_geometry(void **state)
     long wrong = 0, all = 0;
     for (size_t g = 0; g < 4; g++)
         for (size_t k = 0; k < sizeof suns / sizeof suns[0]; k++) {
-            struct cast_case c = {grounds[g].of, grounds[g].name, (g + k) % 2 ? BOX : DISC, suns[k][0],
-                                  suns[k][1],    0.125,           k % 3 || k == 6 ? 1 : 1.7,          256};
+            struct cast_case c = {grounds[g].of, grounds[g].name, (g + k) % 2 ? BOX : DISC,  suns[k][0],
+                                  suns[k][1],    0.125,           k % 3 || k == 6 ? 1 : 1.7, 256};
             check_cast(&c, &wrong, &all);
         }
     printf("all: %.2f %% of %ld texels differ\n", 100.0 * (double)wrong / (double)all, all);
@@ -428,7 +428,11 @@ static void simd_is_scalar(void **state)
                                    (float)sv_rng_range(&rng, -1, 1),
                                    (float)sv_rng_range(&rng, -1, 1),
                                    (float)sv_rng_range(&rng, -3, 3),
-                                   (float)sv_rng_range(&rng, -1, 1)};
+                                   (float)sv_rng_range(&rng, -1, 1),
+                                   1 + round % 4,
+                                   1 + round / 4 % 3,
+                                   (float)sv_rng_range(&rng, 0, 5),
+                                   (float)sv_rng_range(&rng, 0, 4)};
         float s = (float)sv_rng_range(&rng, -10, w + 10), t = (float)sv_rng_range(&rng, -10, h + 10);
         sv_shadow_cast_row_scalar(&c, s, t, 1, count, ground, plain);
         sv_shadow_cast_row_avx2(&c, s, t, 1, count, ground, light);
