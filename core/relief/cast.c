@@ -3,8 +3,8 @@
  *     paper 1, 3.3.2            here
  *     silhouette texture        sv_silhouette: coverage, with first = where the body begins along the light
  *     shadow texture            dark
- *     (3), (4) along the light  plane_of: s, t of a texel are affine in (u, v, displ); what (4) divides out,
- * the plane square to the light never has */
+ *     (3), (4) along the light  struct affine: pixel and depth of a texel are affine in (u, v, displ)
+ */
 #include "core/relief/cast.h"
 
 #include <stdlib.h>
