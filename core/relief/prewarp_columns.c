@@ -17,30 +17,30 @@ struct piece {
     const struct sv_prewarp_row *row0, *row1; /* rows that the ends' texels are in */
 };
 
-/* Colour of a row at u, between texels of the surface that `texel` belongs to. */
-static void row_color(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int texel, double u,
-                      uint8_t color[4])
+/* Colour of a row at u, between texels of the surface that `texel` belongs to, seen from one side. */
+static void row_color(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int side, int texel,
+                      double u, uint8_t color[3])
 {
     int i = (int)sv_clamp(floor(u - 0.5), 0, w->width - 1), next = i + 1 < w->width ? i + 1 : i;
     double s = sv_clamp(u - 0.5 - i, 0, 1);
-    i = row->run[i] == row->run[texel] ? i : texel;
-    next = row->run[next] == row->run[texel] ? next : i;
+    i = row->run[side][i] == row->run[side][texel] ? i : texel;
+    next = row->run[side][next] == row->run[side][texel] ? next : i;
     size_t at = (size_t)row->j * w->step_v;
     sv_prewarp_mix(w->color[at + (size_t)i * w->step_u], w->color[at + (size_t)next * w->step_u], s, color);
 }
 
 /* The colour on the way from one end to the other: of the texels that lie between, where the ends are more
  * than a texel apart along the row (the rows have moved against each other). */
-static void color_on(const struct sv_prewarp_work *w, const struct piece *p, double s, uint8_t color[4])
+static void color_on(const struct sv_prewarp_work *w, const struct piece *p, double s, uint8_t color[3])
 {
     if (fabsf(p->to.u - p->from.u) <= 1) {
         sv_prewarp_mix(p->from.color, p->to.color, s, color);
         return;
     }
-    uint8_t c0[4], c1[4];
+    uint8_t c0[3], c1[3];
     double u = (1 - s) * p->from.u + s * p->to.u;
-    row_color(w, p->row0, p->from.texel, u, c0);
-    row_color(w, p->row1, p->to.texel, u, c1);
+    row_color(w, p->row0, 1, p->from.texel, u, c0);
+    row_color(w, p->row1, 0, p->to.texel, u, c1);
     sv_prewarp_mix(c0, c1, s, color);
 }
 
@@ -56,6 +56,7 @@ static void draw(const struct sv_prewarp_work *w, int x, const struct piece *p)
         double r, s = sv_prewarp_span_at(&span, y, &r);
         size_t at = (size_t)x * w->out_step_x + (size_t)y * w->out_step_y;
         color_on(w, p, s, out->color[at]);
+        out->color[at][3] = 255;
         out->displ[at] = (float)((1 - s) * p->from.displ + s * p->to.displ);
         out->texel[at] = (uint32_t)(s < 0.5 ? t0 : t1);
     }
@@ -68,19 +69,28 @@ static bool joined(const struct sv_prewarp_work *w, const struct sv_prewarp_row 
                    const struct sv_prewarp_sample *b)
 {
     int first = (int)floorf(fminf(a->u, b->u) - 0.5f), last = (int)floorf(fmaxf(a->u, b->u) - 0.5f) + 1;
-    int32_t upper = above->run[a->texel], lower = below->run[b->texel];
+    int32_t upper = above->run[1][a->texel], lower = below->run[0][b->texel];
     last = last < w->width ? last : w->width - 1;
     for (int c = first > 0 ? first : 0; c <= last; c++)
-        if (above->run[c] == upper && below->run[c] == lower &&
+        if (above->run[1][c] == upper && below->run[0][c] == lower &&
             fabsf(above->displ[c] - below->displ[c]) <= w->relief->cut)
             return true;
     return false;
 }
 
-static int kept(const struct sv_prewarp_row *row, int x)
+/* The samples of a row in column x that count on one side of it (0: above), far to near. */
+static int kept(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int x, int side,
+                struct sv_prewarp_sample out[SV_PREWARP_LAYERS])
 {
-    uint32_t n = row ? row->count[x] : 0;
-    return n < SV_PREWARP_LAYERS ? (int)n : SV_PREWARP_LAYERS;
+    uint32_t n = row ? row->count[x] : 0, first = n < SV_PREWARP_LAYERS ? 0 : n - SV_PREWARP_LAYERS;
+    int count = 0;
+    for (uint32_t k = first; k < n; k++) {
+        size_t layer = k % SV_PREWARP_LAYERS;
+        const struct sv_prewarp_sample *s = &row->samples[layer * (size_t)w->out_width + (size_t)x];
+        if (s->sides >> side & 1)
+            out[count++] = *s;
+    }
+    return count;
 }
 
 /* The partner of each sample of `from` among `to`: the nearest along the row; -1: none. */
@@ -133,12 +143,11 @@ static void insert(struct piece *pieces, int count, const struct piece *p, doubl
 }
 
 static void draw_column(const struct sv_prewarp_work *w, int x, const struct sv_prewarp_row *above, int na,
-                        const struct sv_prewarp_row *below, int nb)
+                        const struct sv_prewarp_sample *a, const struct sv_prewarp_row *below, int nb,
+                        const struct sv_prewarp_sample *b)
 {
     struct piece pieces[2 * SV_PREWARP_LAYERS], p;
     int of_a[SV_PREWARP_LAYERS], of_b[SV_PREWARP_LAYERS], count = 0;
-    const struct sv_prewarp_sample *a = above ? above->samples + (size_t)x * SV_PREWARP_LAYERS : NULL;
-    const struct sv_prewarp_sample *b = below ? below->samples + (size_t)x * SV_PREWARP_LAYERS : NULL;
     choose(w, above, na, a, below, nb, b, of_a, of_b);
     for (int m = 0; m < na; m++) {
         bool pair = of_a[m] >= 0 && of_b[of_a[m]] == m;
@@ -158,19 +167,14 @@ static void draw_column(const struct sv_prewarp_work *w, int x, const struct sv_
 void sv_prewarp_warp_columns(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above,
                              const struct sv_prewarp_row *below)
 {
+    struct sv_prewarp_sample a[SV_PREWARP_LAYERS], b[SV_PREWARP_LAYERS];
     for (int x = 0; x < w->out_width; x++) {
-        int na = kept(above, x), nb = kept(below, x);
-        if (na + nb == 0)
-            continue;
-        if (na == 1 && nb == 1) { /* nearly always */
-            const struct sv_prewarp_sample *a = above->samples + (size_t)x * SV_PREWARP_LAYERS;
-            const struct sv_prewarp_sample *b = below->samples + (size_t)x * SV_PREWARP_LAYERS;
-            if (joined(w, above, a, below, b)) {
-                struct piece p = whole(w, a, above, b, below);
-                draw(w, x, &p);
-                continue;
-            }
+        int na = kept(w, above, x, 1, a), nb = kept(w, below, x, 0, b);
+        if (na == 1 && nb == 1 && joined(w, above, a, below, b)) { /* nearly always */
+            struct piece p = whole(w, a, above, b, below);
+            draw(w, x, &p);
+        } else if (na + nb > 0) {
+            draw_column(w, x, above, na, a, below, nb, b);
         }
-        draw_column(w, x, above, na, below, nb);
     }
 }

@@ -99,19 +99,11 @@ static void draw_wall(struct filler *f, const struct wall *w)
     }
 }
 
-static bool drawn(const struct sv_prewarp_work *w, size_t texel)
-{
-    return sv_relief_solid(w->relief, texel) && 1 + w->k3 * w->relief->displ[texel] > w->near;
-}
-
 /* displ at the border towards a neighbour, which may not be there. */
 static double border(const struct sv_prewarp_work *w, size_t texel, bool exists, size_t neighbour)
 {
     double d = w->relief->displ[texel];
-    if (!exists || !drawn(w, neighbour) ||
-        !(fabsf(w->relief->displ[neighbour] - w->relief->displ[texel]) <= w->relief->cut))
-        return d;
-    return 0.5 * (d + w->relief->displ[neighbour]);
+    return exists && sv_prewarp_same(w, texel, neighbour) ? 0.5 * (d + w->relief->displ[neighbour]) : d;
 }
 
 /* The wall between texel (i, j) and the one before it along the first (second) axis. */
@@ -123,7 +115,7 @@ static void try_wall(struct filler *f, int i, int j, bool second)
     int q = second ? i : j, count = second ? w->width : w->height;
     t[0] = t[1] - along;
     const float *displ = w->relief->displ;
-    if (!drawn(w, t[0]) || !drawn(w, t[1]) || fabsf(displ[t[1]] - displ[t[0]]) <= w->relief->cut)
+    if (!sv_prewarp_drawn(w, t[0]) || !sv_prewarp_drawn(w, t[1]) || sv_prewarp_same(w, t[0], t[1]))
         return;
     struct wall wall = {.step_p = second ? w->out_step_y : w->out_step_x,
                         .step_q = second ? w->out_step_x : w->out_step_y,

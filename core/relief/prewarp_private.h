@@ -46,7 +46,8 @@ struct sv_prewarp_sample {
     float displ;
     float u;       /* where it stands along the first axis, texels */
     int32_t texel; /* along the first axis: the nearer one of the two that it lies between */
-    uint8_t color[4];
+    uint8_t color[3];
+    uint8_t sides; /* bit 0: seen from the interval above the row, bit 1: from below it */
 };
 
 /* One row of the relief after pass 1. Arrays are views into the owner's block. */
@@ -54,10 +55,22 @@ struct sv_prewarp_row {
     int j;
     double *u, *v, *tau; /* of each texel's centre, sample positions */
     float *displ;
-    int32_t *run;    /* first texel of the surface along the row; -1: not drawn */
+    int32_t *run[2]; /* first texel of the surface along the row, seen from above and below; -1: not drawn */
     uint32_t *count; /* out_width: samples landed; the last SV_PREWARP_LAYERS are kept ... */
-    struct sv_prewarp_sample *samples; /* ... at [x * LAYERS + n % LAYERS], far to near */
+    struct sv_prewarp_sample *samples; /* ... at [n % LAYERS * out_width + x], far to near */
 };
+
+static inline bool sv_prewarp_drawn(const struct sv_prewarp_work *w, size_t texel)
+{
+    return sv_relief_solid(w->relief, texel) && 1 + w->k3 * w->relief->displ[texel] > w->near;
+}
+
+/* Two texels that are drawn are one surface. */
+static inline bool sv_prewarp_same(const struct sv_prewarp_work *w, size_t s, size_t t)
+{
+    return sv_prewarp_drawn(w, s) && sv_prewarp_drawn(w, t) &&
+           fabsf(w->relief->displ[s] - w->relief->displ[t]) <= w->relief->cut;
+}
 
 /* Pass 1 of row j. */
 void sv_prewarp_warp_row(const struct sv_prewarp_work *work, int j, struct sv_prewarp_row *row);
@@ -93,12 +106,11 @@ static inline double sv_prewarp_span_at(const struct sv_prewarp_span *s, int x, 
     return *r * s->tau0 / (s->tau1 * (1 - *r) + s->tau0 * *r);
 }
 
-static inline void sv_prewarp_mix(const uint8_t a[4], const uint8_t b[4], double s, uint8_t out[4])
+static inline void sv_prewarp_mix(const uint8_t a[3], const uint8_t b[3], double s, uint8_t out[3])
 {
     int w = (int)(s * 256 + 0.5);
     for (int c = 0; c < 3; c++)
         out[c] = (uint8_t)((a[c] * (256 - w) + b[c] * w + 128) >> 8);
-    out[3] = 255;
 }
 
 #endif

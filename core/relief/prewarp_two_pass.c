@@ -111,7 +111,7 @@ static void *alloc_rows(struct sv_prewarp_work *w, struct sv_prewarp_row rows[3]
     size_t counts = padded(samples * sizeof(uint32_t));
     size_t layers = padded(samples * SV_PREWARP_LAYERS * sizeof(struct sv_prewarp_sample));
     size_t order = padded((texels + 1) * sizeof(int32_t));
-    char *block = malloc(order + 3 * (3 * doubles + 2 * floats + counts + layers)), *at = block;
+    char *block = malloc(order + 3 * (3 * doubles + 3 * floats + counts + layers)), *at = block;
     if (!block) {
         (void)sv_fail(error, SV_ENOMEM, "relief", "no memory for three rows of %zu texels", texels);
         return NULL;
@@ -125,7 +125,8 @@ static void *alloc_rows(struct sv_prewarp_work *w, struct sv_prewarp_row rows[3]
         r->v = (double *)(at += doubles);
         r->tau = (double *)(at += doubles);
         r->displ = (float *)(at += doubles);
-        r->run = (int32_t *)(at += floats);
+        r->run[0] = (int32_t *)(at += floats);
+        r->run[1] = (int32_t *)(at += floats);
         r->count = (uint32_t *)(at += floats);
         at += counts;
     }

@@ -165,7 +165,7 @@ static void printed_four_fails(void **state)
         struct sv_relief_frame f = random_frame(&rng);
         double texel = sv_length(f.a), us = sv_rng_range(&rng, 0, 512), vs = sv_rng_range(&rng, 0, 512);
         struct sv_vec3 c = random_unit(&rng);
-        double d = texel * sv_rng_range(&rng, -50, 50), ui, vi, lu, lv;
+        double d = texel * sv_rng_range(&rng, -50, 50), ui, vi, lu = NAN, lv = NAN;
         double depth = sv_dot(c, f.f);
         if (fabs(depth) < 0.05)
             continue;
