@@ -231,10 +231,35 @@ static bool narrow(const struct job *job, double *from, double *to)
 
 /* ---- rows ---- */
 
-/* Samples that a spread of so many texels wants. */
+/* Samples that a spread of so many texels wants: each is bilinear, so that it takes in nearly two. */
 static int samples_of(double spread)
 {
-    return spread <= 1.5 ? 1 : spread <= 2.5 ? 2 : spread <= 3.5 ? 3 : 4;
+    return spread <= 1.75 ? 1 : spread <= 3.5 ? 2 : spread <= 5.25 ? 3 : 4;
+}
+
+/* Columns i of row j where low <= a + i step + j row <= high, as two lines in j. */
+struct limits {
+    double from, to, per_row;
+    bool always; /* step is 0: every column, or none: then `from` is a + j row - low, `to` a + j row - high */
+};
+
+static struct limits make_limits(double a, double step, double row, double low, double high)
+{
+    if (fabs(step) < 1e-9)
+        return (struct limits){a - low, a - high, row, true};
+    double from = (low - a) / step, to = (high - a) / step;
+    return (struct limits){fmin(from, to), fmax(from, to), -row / step, false};
+}
+
+static void clip_row(const struct limits *l, int j, double *lo, double *hi)
+{
+    double from = l->from + l->per_row * j, to = l->to + l->per_row * j;
+    if (l->always) {
+        *hi = from >= 0 && to <= 0 ? *hi : -INFINITY;
+        return;
+    }
+    *lo = from > *lo ? from : *lo;
+    *hi = to < *hi ? to : *hi;
 }
 
 static void cast_rows(const struct job *job, double from, double to)
@@ -249,18 +274,24 @@ static void cast_rows(const struct job *job, double from, double to)
         sv_simd_level() >= SV_SIMD_AVX2 ? sv_shadow_cast_row_avx2 : sv_shadow_cast_row_scalar;
     double tilt0 = fmin(job->s.z * (double)w->ground_min, job->s.z * (double)w->ground_max);
     double tilt1 = fmax(job->s.z * (double)w->ground_min, job->s.z * (double)w->ground_max);
+    const struct form *fs = &job->s, *ft = &job->t, *fd = &job->d;
+    struct limits across = make_limits(form_at(fs, 0.5 * m, 0.5 * m, 0), fs->x * m, fs->y * m,
+                                       -1 - slack - tilt1, job->cast.width + slack - tilt0);
+    struct limits along =
+        make_limits((0.5 * m - job->place_x) * job->dir_x + (0.5 * m - job->place_y) * job->dir_y,
+                    m * job->dir_x, m * job->dir_y, from - m, to + m);
     for (int j = j0; j <= j1; j++) {
-        double y = (j + 0.5) * m, lo = low_i, hi = high_i;
-        clip_linear(form_at(&job->s, 0.5 * m, y, 0), job->s.x * m, -1 - slack - tilt1,
-                    job->cast.width + slack - tilt0, &lo, &hi);
-        clip_linear((0.5 * m - job->place_x) * job->dir_x + (y - job->place_y) * job->dir_y, m * job->dir_x,
-                    from - m, to + m, &lo, &hi);
-        int i0 = (int)ceil(lo), count = (int)floor(hi) - i0 + 1;
-        if (!(hi >= lo) || count <= 0)
+        double lo = low_i, hi = high_i;
+        clip_row(&across, j, &lo, &hi);
+        clip_row(&along, j, &lo, &hi);
+        if (!(hi >= lo))
             continue;
-        double x = (i0 + 0.5) * m;
-        float s = (float)form_at(&job->s, x, y, 0), t = (float)form_at(&job->t, x, y, 0),
-              d = (float)form_at(&job->d, x, y, 0);
+        int i0 = (int)lo + ((double)(int)lo < lo), count = (int)hi - i0 + 1;
+        if (count <= 0)
+            continue;
+        double x = (i0 + 0.5) * m, y = (j + 0.5) * m;
+        float s = (float)form_at(fs, x, y, 0), t = (float)form_at(ft, x, y, 0),
+              d = (float)form_at(fd, x, y, 0);
         size_t at = (size_t)j * SIDE + (size_t)i0;
         row(&job->cast, s, t, d, count, w->ground + at, w->light + at);
     }
