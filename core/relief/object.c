@@ -168,12 +168,14 @@ enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolu
     enum sv_status status = sv_relief_object_set_box(&made, lo, hi, resolution, SV_EINVAL, error);
     if (status == SV_OK)
         status = bake_faces(mesh, &made, error);
-    if (status == SV_OK) {
-        sv_relief_object_choose(&made);
+    if (status == SV_OK)
+        status = sv_relief_object_choose(&made, error);
+    if (status == SV_OK)
         status = sv_relief_object_hide(&made, error);
-    }
     if (status == SV_OK)
         status = sv_relief_object_tile(&made, error);
+    if (status == SV_OK)
+        status = sv_relief_object_rim(&made, error);
     if (status == SV_OK)
         *object = made;
     else
@@ -190,6 +192,7 @@ void sv_relief_object_finish(struct sv_relief_object *object)
     }
     free(object->block);
     free(object->tiles);
+    free(object->rim_block);
     *object = (struct sv_relief_object){0};
 }
 

@@ -22,7 +22,8 @@ enum {
     SV_RELIEF_RESOLUTION_MIN = 8,
     SV_RELIEF_RESOLUTION_MAX = 2048,
     SV_RELIEF_HULL_MAX = 256, /* resolution of what is hidden */
-    SV_RELIEF_HIDDEN = 3,     /* hidden surfaces behind a face */
+    SV_RELIEF_HIDDEN = 4,     /* hidden surfaces behind a face */
+    SV_RELIEF_KEPT_SPARE = 1, /* value of keep[] */
     SV_RELIEF_SHEETS = (1 + SV_RELIEF_HIDDEN) * SV_RELIEF_FACES
 };
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
@@ -38,10 +39,11 @@ struct sv_relief_object {
     struct sv_relief hidden[SV_RELIEF_HIDDEN][SV_RELIEF_FACES];
     double hidden_texel;
     /* A byte a texel: 0 where another face shows the same surface better (sv_relief_object_choose), else the
-     * face is to be warped there. In `block`. */
+     * face is to be warped there: SV_RELIEF_KEPT_SPARE: another one shows it as well. In `block`. */
     uint8_t *keep[SV_RELIEF_FACES];
     void *block;
     struct sv_relief_tile *tile[SV_RELIEF_SHEETS], *tiles; /* object_tiles.c */
+    uint8_t *rims[SV_RELIEF_SHEETS], *rim_block;           /* object_rims.c */
 };
 
 /* All reliefs of an object by number: the six faces, then layer after layer what is hidden behind them. */
@@ -78,15 +80,14 @@ SV_MUST_CHECK enum sv_status sv_relief_object_set_box(struct sv_relief_object *o
                                                       struct sv_vec3 box_max, int resolution,
                                                       enum sv_status code, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_relief_object_alloc(struct sv_relief_object *object, struct sv_error *error);
-void sv_relief_object_choose(struct sv_relief_object *object);
+SV_MUST_CHECK enum sv_status sv_relief_object_choose(struct sv_relief_object *object, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_relief_object_tile(struct sv_relief_object *object, struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_relief_object_rim(struct sv_relief_object *object, struct sv_error *error);
 
-/* Faces of which something may face an eye at a place of model space, or far away in a unit direction; rows
- * of one sheet, first <= row < last (false: none). What it leaves out is turned away for certain. */
+/* Faces of which something may face an eye at a place of model space, or far away in a unit direction: bit
+ * set. What it leaves out is turned away for certain. */
 unsigned sv_relief_object_seen_from(const struct sv_relief_object *object, struct sv_vec3 eye, bool is_place);
-bool sv_relief_object_rows(const struct sv_relief_object *object, int sheet, struct sv_vec3 eye,
-                           bool is_place, int *first, int *last);
 
 /* Frame and size of a face in texels of a given side; only the object's box is read. */
 void sv_relief_object_face_layout(const struct sv_relief_object *object, int face, double texel,

@@ -13,6 +13,8 @@
 
 /* By how much n.f of the other face must be larger, of 255: 0.05 is a band of 4 texels on a sphere of 128. */
 enum { BETTER = 13, LEVELS = 256 };
+/* Half the side of the smallest square that is left out, texels. */
+enum { REACH = 2 };
 /* How far the other face's surface may be off, texels: half a texel of slope 1, and rounding. */
 #define SAME_TEXELS 0.75
 
@@ -63,8 +65,49 @@ static bool better_elsewhere(const struct sv_relief_object *object, int face, si
     return false;
 }
 
-void sv_relief_object_choose(struct sv_relief_object *object)
+/* Smallest (or largest) of mark over 2 REACH + 1 texels along one direction. */
+static void spread(const uint8_t *mark, uint8_t *out, int width, int height, bool along_rows, bool least)
 {
+    for (int j = 0; j < height; j++)
+        for (int i = 0; i < width; i++) {
+            uint8_t value = least ? 255 : 0;
+            for (int k = -REACH; k <= REACH; k++) {
+                int x = along_rows ? i + k : i, y = along_rows ? j : j + k;
+                if (x < 0 || y < 0 || x >= width || y >= height)
+                    continue;
+                uint8_t m = mark[(size_t)y * (size_t)width + (size_t)x];
+                value = (least ? m < value : m > value) ? m : value;
+            }
+            out[(size_t)j * (size_t)width + (size_t)i] = value;
+        }
+}
+
+/* Leaves out only what holds a square of 2 REACH + 1 texels to be left out: each rim costs more than the
+ * texels that a speck or a thread saves. two: room for two masks. */
+static void smooth(const struct sv_relief *face, uint8_t *keep, uint8_t *two)
+{
+    size_t texels = (size_t)face->width * (size_t)face->height;
+    uint8_t *a = two, *b = two + texels;
+    for (size_t i = 0; i < texels; i++)
+        a[i] = sv_relief_solid(face, i) ? keep[i] : 0; /* what is empty may be left out */
+    spread(a, b, face->width, face->height, true, false);
+    spread(b, a, face->width, face->height, false, false);
+    spread(a, b, face->width, face->height, true, true);
+    spread(b, a, face->width, face->height, false, true);
+    for (size_t i = 0; i < texels; i++)
+        keep[i] = !sv_relief_solid(face, i) || !a[i] ? 0 : keep[i] ? keep[i] : SV_RELIEF_KEPT_SPARE;
+}
+
+enum sv_status sv_relief_object_choose(struct sv_relief_object *object, struct sv_error *error)
+{
+    size_t largest = 0;
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        size_t texels = (size_t)object->face[k].width * (size_t)object->face[k].height;
+        largest = texels > largest ? texels : largest;
+    }
+    uint8_t *two = malloc(2 * largest);
+    if (!two)
+        return sv_fail(error, SV_ENOMEM, "object", "no memory for masks of %zu texels", largest);
     /* The shadow's row front goes by displ alone: where a face is empty, that must say so. */
     for (int k = 0; k < SV_RELIEF_FACES; k++) {
         struct sv_relief *face = &object->face[k];
@@ -83,4 +126,8 @@ void sv_relief_object_choose(struct sv_relief_object *object)
                         sv_relief_solid(face, i) && !better_elsewhere(object, k, i) ? 255 : 0;
             }
         }
+    for (int k = 0; k < SV_RELIEF_FACES; k++)
+        smooth(&object->face[k], object->keep[k], two);
+    free(two);
+    return SV_OK;
 }

@@ -19,19 +19,22 @@
 
 /* Neighbours of hidden texels are taken in so many times, so that their surface overlaps what is shown. */
 enum { GROW = 3, PATCH_MIN = 12 };
-/* A face shows a place when its surface is within so many voxels of it. */
+/* Entries into the hull that are looked at along one line; passes of smoothing. */
+enum { ENTRIES = 12, SMOOTH = 3 };
+enum { OPEN = 0x80, ALSO = 0x40 }; /* bits of mark: still to be taken */
+/* A face shows a place when its surface is within so many voxels of it; one that is seen edge-on from where
+ * the place looks (the rim of a ledge), when it is within the latter. */
 #define SHOWN_VOXELS 1.75
+#define EDGE_VOXELS 1.0
 
 struct grid {
     const struct sv_relief_object *object; /* what is shown */
-    struct sv_relief_object *made;         /* the same one: what is hidden */
     int n[3];
     double side;           /* of a voxel */
     struct sv_vec3 corner; /* low corner of the grid */
     float *low[3],
         *high[3]; /* along axis a: interval that may be solid, by (b, c) with b, c the other axes in order */
-    uint8_t *solid;                  /* x fastest */
-    uint8_t *mark[SV_RELIEF_HIDDEN]; /* of one face: 1 hidden, more: taken in by grow */
+    uint8_t *solid; /* x fastest */
 };
 
 static double component(struct sv_vec3 v, int axis)
@@ -162,31 +165,123 @@ static float next_entry(const struct grid *g, const struct line *l, double face_
     return NAN;
 }
 
-/* Entry of a line that is hidden, the first after `skip` of them; or, with a wanted displ, of all entries the
- * one nearest to it. NaN: there is none. */
-static float find_entry(const struct grid *g, int k, int i, int j, int skip, float wanted)
+/* All entries of the lines of a face, and which of them are hidden. */
+struct sight {
+    struct sv_relief (*hidden)[SV_RELIEF_FACES]; /* of the object: layers to fill */
+    int face, width, height;
+    float *displ;   /* width * height * ENTRIES; NaN after the last */
+    uint8_t *mark;  /* likewise: 0 shown, 1 hidden, more: taken in by grow */
+    uint32_t *list; /* room for a patch: width * height * ENTRIES */
+    float cut;
+};
+
+static void look_along(const struct grid *g, struct sight *s)
 {
-    const struct sv_relief *r = &g->object->hidden[0][k];
-    struct line l = line_of(g, k, i, j);
-    double face_at = component(r->frame.origin, l.axis);
-    float best = NAN, d;
-    for (int n = 0; d = next_entry(g, &l, face_at, &n), d == d;) {
-        struct sv_vec3 at = sv_relief_point(&r->frame, i + 0.5, j + 0.5, (double)d);
-        int face;
-        size_t texel;
-        if (wanted == wanted)
-            best = fabsf(d - wanted) >= fabsf(best - wanted) ? best : d;
-        else if (nearest_shown(g->object, at, NULL, &face, &texel) > SHOWN_VOXELS * g->side && skip-- == 0)
-            return d;
-    }
+    const struct sv_relief *r = &s->hidden[0][s->face];
+    for (int j = 0; j < s->height; j++)
+        for (int i = 0; i < s->width; i++) {
+            struct line l = line_of(g, s->face, i, j);
+            double face_at = component(r->frame.origin, l.axis);
+            size_t first = ((size_t)j * (size_t)s->width + (size_t)i) * ENTRIES;
+            for (int e = 0, n = 0; e < ENTRIES; e++) {
+                float d = next_entry(g, &l, face_at, &n);
+                struct sv_vec3 at = sv_relief_point(&r->frame, i + 0.5, j + 0.5, (double)d);
+                int face;
+                size_t texel;
+                s->displ[first + (size_t)e] = d;
+                s->mark[first + (size_t)e] =
+                    d == d &&
+                    nearest_shown(g->object, at, &r->frame.f, &face, &texel) > SHOWN_VOXELS * g->side &&
+                    nearest_shown(g->object, at, NULL, &face, &texel) > EDGE_VOXELS * g->side;
+            }
+        }
+}
+
+/* The entry beside entry `at` (one of four sides) that lies level with it; SIZE_MAX: none. marked: only
+ * marked ones. */
+static size_t level_beside(const struct sight *s, size_t at, int side, bool marked)
+{
+    size_t line = at / ENTRIES;
+    int x = (int)(line % (size_t)s->width) + (side == 0) - (side == 1);
+    int y = (int)(line / (size_t)s->width) + (side == 2) - (side == 3);
+    if (x < 0 || y < 0 || x >= s->width || y >= s->height)
+        return SIZE_MAX;
+    size_t first = ((size_t)y * (size_t)s->width + (size_t)x) * ENTRIES, best = SIZE_MAX;
+    float nearest = s->cut;
+    for (size_t e = first; e < first + ENTRIES && s->displ[e] == s->displ[e]; e++)
+        if ((!marked || s->mark[e]) && fabsf(s->displ[e] - s->displ[at]) <= nearest) {
+            nearest = fabsf(s->displ[e] - s->displ[at]);
+            best = e;
+        }
     return best;
 }
 
-static void set_texel(const struct grid *g, struct sv_relief *r, int i, int j, float displ)
+/* Lists the patch of marked entries around `at`, and takes the bit `open` off them. */
+static size_t take_patch(const struct sight *s, size_t at, uint8_t open)
 {
-    size_t texel = (size_t)j * (size_t)r->width + (size_t)i, from = SIZE_MAX;
+    size_t count = 1;
+    s->list[0] = (uint32_t)at;
+    s->mark[at] &= (uint8_t)~open;
+    for (size_t k = 0; k < count; k++)
+        for (int side = 0; side < 4; side++) {
+            size_t next = level_beside(s, s->list[k], side, true);
+            if (next == SIZE_MAX || !(s->mark[next] & open))
+                continue;
+            s->mark[next] &= (uint8_t)~open;
+            s->list[count++] = (uint32_t)next;
+        }
+    return count;
+}
+
+static size_t entries_of(const struct sight *s)
+{
+    return (size_t)s->width * (size_t)s->height * ENTRIES;
+}
+
+/* Hidden patches of fewer than PATCH_MIN entries are the hull's own roughness. */
+static void drop_small(const struct sight *s)
+{
+    for (size_t e = 0; e < entries_of(s); e++)
+        s->mark[e] = s->mark[e] ? 1 | OPEN : 0;
+    for (size_t e = 0; e < entries_of(s); e++) {
+        if (!(s->mark[e] & OPEN))
+            continue;
+        size_t count = take_patch(s, e, OPEN);
+        for (size_t k = 0; k < count && count < PATCH_MIN; k++)
+            s->mark[s->list[k]] = 0;
+    }
+}
+
+/* Takes in what borders on hidden entries and lies level with them. */
+static void grow(const struct sight *s)
+{
+    for (uint8_t round = 1; round <= GROW; round++)
+        for (size_t e = 0; e < entries_of(s); e++)
+            for (int side = 0; s->mark[e] && s->mark[e] <= round && side < 4; side++) {
+                size_t next = level_beside(s, e, side, false);
+                if (next != SIZE_MAX && !s->mark[next])
+                    s->mark[next] = (uint8_t)(round + 1);
+            }
+}
+
+struct patch {
+    size_t start, count;
+};
+
+static int larger_first(const void *a, const void *b)
+{
+    const struct patch *p = a, *q = b;
+    if (p->count != q->count)
+        return p->count < q->count ? 1 : -1;
+    return p->start < q->start ? -1 : 1;
+}
+
+static void set_texel(const struct grid *g, struct sv_relief *r, size_t texel, float displ)
+{
+    size_t from = SIZE_MAX, width = (size_t)r->width;
     int face = 0;
-    struct sv_vec3 at = sv_relief_point(&r->frame, i + 0.5, j + 0.5, (double)displ);
+    struct sv_vec3 at = sv_relief_point(&r->frame, (double)(texel % width) + 0.5,
+                                        (double)(texel / width) + 0.5, (double)displ);
     r->displ[texel] = displ;
     if (nearest_shown(g->object, at, &r->frame.f, &face, &from) == INFINITY)
         nearest_shown(g->object, at, NULL, &face, &from);
@@ -197,142 +292,152 @@ static void set_texel(const struct grid *g, struct sv_relief *r, int i, int j, f
     r->color[texel][3] = 255;
 }
 
-/* Beside texel (i, j): whether it is in the relief, and where. */
-static bool beside(const struct sv_relief *r, int i, int j, int side, size_t *at)
+/* Puts the listed patch into the layer that has most room where it lies; what finds no room there goes to
+ * any. */
+static void place_patch(const struct grid *g, const struct sight *s, size_t count)
 {
-    int x = i + (side == 0) - (side == 1), y = j + (side == 2) - (side == 3);
-    *at = (size_t)y * (size_t)r->width + (size_t)x;
-    return x >= 0 && y >= 0 && x < r->width && y < r->height;
-}
-
-static void drop_texel(struct sv_relief *r, uint8_t *mark, size_t at)
-{
-    r->displ[at] = NAN;
-    r->color[at][3] = 0;
-    mark[at] = 0;
-}
-
-/* A patch of fewer than PATCH_MIN texels is the hull's own roughness: dropped. */
-static void drop_small(struct sv_relief *r, uint8_t *mark)
-{
-    for (int j = 0; j < r->height; j++)
-        for (int i = 0; i < r->width; i++) {
-            size_t queue[PATCH_MIN], at = (size_t)j * (size_t)r->width + (size_t)i;
-            int found = 1;
-            if (!mark[at])
-                continue;
-            queue[0] = at;
-            for (int k = 0; k < found && found < PATCH_MIN; k++)
-                for (int side = 0; side < 4 && found < PATCH_MIN; side++) {
-                    size_t next;
-                    int x = (int)(queue[k] % (size_t)r->width), y = (int)(queue[k] / (size_t)r->width);
-                    bool known = !beside(r, x, y, side, &next) || !mark[next] ||
-                                 !(fabsf(r->displ[next] - r->displ[queue[k]]) <= r->cut);
-                    for (int n = 0; n < found && !known; n++)
-                        known = queue[n] == next;
-                    if (!known)
-                        queue[found++] = next;
-                }
-            for (int k = 0; k < found && found < PATCH_MIN; k++)
-                drop_texel(r, mark, queue[k]);
+    int best = 0;
+    size_t least = SIZE_MAX;
+    for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++) {
+        size_t taken = 0;
+        for (size_t k = 0; k < count; k++)
+            taken += s->hidden[layer][s->face].color[s->list[k] / ENTRIES][3] != 0;
+        if (taken < least) {
+            least = taken;
+            best = layer;
         }
-}
-
-/* Takes a level entry into a layer; what stood there goes to a free layer behind, if there is one. */
-static void take_in(const struct grid *g, int layer, int k, int i, int j, float displ, int round)
-{
-    struct sv_relief(*hidden)[SV_RELIEF_FACES] = g->made->hidden;
-    size_t at = (size_t)j * (size_t)hidden[layer][k].width + (size_t)i;
-    for (int other = 0; g->mark[layer][at] && other < SV_RELIEF_HIDDEN; other++)
-        if (other != layer && !g->mark[other][at]) {
-            set_texel(g, &hidden[other][k], i, j, hidden[layer][k].displ[at]);
-            g->mark[other][at] = g->mark[layer][at];
+    }
+    for (size_t k = 0; k < count; k++)
+        for (int tried = 0; tried < SV_RELIEF_HIDDEN; tried++) {
+            struct sv_relief *r = &s->hidden[(best + tried) % SV_RELIEF_HIDDEN][s->face];
+            size_t texel = s->list[k] / ENTRIES;
+            if (r->color[texel][3])
+                continue;
+            set_texel(g, r, texel, s->displ[s->list[k]]);
             break;
         }
-    set_texel(g, &hidden[layer][k], i, j, displ);
-    g->mark[layer][at] = (uint8_t)(round + 1);
 }
 
-/* Takes in what borders on hidden texels and lies level with them, hidden or not. */
-static void grow(const struct grid *g, int layer, int k)
+/* Patches, the largest first, so that each lies whole in one layer if it can. false: no memory. */
+static bool place_patches(const struct grid *g, const struct sight *s)
 {
-    const struct sv_relief *r = &g->made->hidden[layer][k];
-    for (int round = 1; round <= GROW; round++)
-        for (int j = 0; j < r->height; j++)
-            for (int i = 0; i < r->width; i++) {
-                size_t at = (size_t)j * (size_t)r->width + (size_t)i, next;
-                for (int side = 0; side < 4; side++) {
-                    if (!beside(r, i, j, side, &next) || !g->mark[layer][next] ||
-                        g->mark[layer][next] > round)
-                        continue;
-                    float level = r->displ[next], d;
-                    if (g->mark[layer][at] && fabsf(r->displ[at] - level) <= r->cut)
-                        continue; /* goes on already */
-                    d = find_entry(g, k, i, j, 0, level);
-                    if (fabsf(d - level) <= r->cut && !(g->mark[layer][at] == 1 && round > 1))
-                        take_in(g, layer, k, i, j, d, round);
+    size_t room = 64, count = 0;
+    struct patch *patches = malloc(room * sizeof *patches);
+    for (size_t e = 0; e < entries_of(s); e++)
+        s->mark[e] = s->mark[e] ? OPEN | ALSO : 0;
+    for (size_t e = 0; patches && e < entries_of(s); e++) {
+        if (!(s->mark[e] & OPEN))
+            continue;
+        if (count == room) {
+            struct patch *more = realloc(patches, 2 * room * sizeof *patches);
+            if (!more)
+                free(patches);
+            patches = more;
+            room *= 2;
+        }
+        if (patches)
+            patches[count++] = (struct patch){e, take_patch(s, e, OPEN)};
+    }
+    if (!patches)
+        return false;
+    qsort(patches, count, sizeof *patches, larger_first);
+    for (size_t k = 0; k < count; k++)
+        place_patch(g, s, take_patch(s, patches[k].start, ALSO));
+    free(patches);
+    return true;
+}
+
+/* The hull's steps of a voxel, smoothed: a mean with the neighbours of the same surface. */
+static void smooth(struct sv_relief *r, float *scratch)
+{
+    size_t width = (size_t)r->width, texels = width * (size_t)r->height;
+    for (int round = 0; round < SMOOTH; round++) {
+        memcpy(scratch, r->displ, texels * sizeof *scratch);
+        for (size_t t = 0; t < texels; t++) {
+            if (!r->color[t][3])
+                continue;
+            float sum = 2 * scratch[t], weight = 2;
+            const size_t near[4] = {t % width > 0 ? t - 1 : t, t % width + 1 < width ? t + 1 : t,
+                                    t >= width ? t - width : t, t + width < texels ? t + width : t};
+            for (int k = 0; k < 4; k++)
+                if (r->color[near[k]][3] && fabsf(scratch[near[k]] - scratch[t]) <= r->cut) {
+                    sum += scratch[near[k]];
+                    weight += 1;
                 }
-            }
+            r->displ[t] = sum / weight;
+        }
+    }
 }
 
-static void find_hidden(const struct grid *g, int k)
+static bool find_hidden(const struct grid *g, struct sight *s)
 {
-    struct sv_relief(*hidden)[SV_RELIEF_FACES] = g->made->hidden;
-    for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++) {
-        struct sv_relief *r = &hidden[layer][k];
-        size_t texels = (size_t)r->width * (size_t)r->height;
-        for (size_t t = 0; t < texels; t++)
-            drop_texel(r, g->mark[layer], t);
-        for (int j = 0; j < r->height; j++)
-            for (int i = 0; i < r->width; i++) {
-                float d = find_entry(g, k, i, j, layer, NAN);
-                if (d != d)
-                    continue;
-                set_texel(g, r, i, j, d);
-                g->mark[layer][(size_t)j * (size_t)r->width + (size_t)i] = 1;
-            }
-        drop_small(r, g->mark[layer]);
-    }
+    size_t texels = (size_t)s->width * (size_t)s->height;
     for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++)
-        grow(g, layer, k);
+        for (size_t t = 0; t < texels; t++) {
+            s->hidden[layer][s->face].displ[t] = NAN;
+            s->hidden[layer][s->face].color[t][3] = 0;
+        }
+    look_along(g, s);
+    drop_small(s);
+    grow(s);
+    if (!place_patches(g, s))
+        return false;
     for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++) {
-        sv_relief_normals(&hidden[layer][k]);
-        sv_relief_measure(&hidden[layer][k]);
+        smooth(&s->hidden[layer][s->face], s->displ);
+        sv_relief_normals(&s->hidden[layer][s->face]);
+        sv_relief_measure(&s->hidden[layer][s->face]);
     }
+    return true;
+}
+
+/* Shares out one block: intervals and voxels of the grid, entries of a face. */
+static size_t share_out(struct grid *g, struct sight *s, uint8_t *block, size_t entries)
+{
+    size_t at = 0, voxels = (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2];
+    for (int a = 0; a < 3; a++) {
+        size_t lines = (size_t)g->n[(a + 1) % 3] * (size_t)g->n[(a + 2) % 3];
+        g->low[a] = (float *)(void *)(block + at);
+        g->high[a] = g->low[a] + lines;
+        at += 2 * lines * sizeof(float);
+    }
+    s->displ = (float *)(void *)(block + at);
+    s->list = (uint32_t *)(s->displ + entries);
+    at += entries * (sizeof *s->displ + sizeof *s->list);
+    s->mark = block + at;
+    g->solid = s->mark + entries;
+    return at + entries + voxels;
 }
 
 enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_error *error)
 {
-    struct grid g = {.object = object, .made = object, .side = object->hidden_texel};
+    struct grid g = {.object = object, .side = object->hidden_texel};
+    struct sight s = {.hidden = object->hidden};
     struct sv_vec3 size = sv_sub(object->box_max, object->box_min);
-    size_t area = 0, mark = 0;
+    size_t largest = 0;
     for (int a = 0; a < 3; a++)
         g.n[a] = (int)fmax(1, ceil(component(size, a) / g.side - 1e-6));
     g.corner = sv_sub(sv_scale(sv_add(object->box_min, object->box_max), 0.5),
                       sv_scale(sv_vec3(g.n[0], g.n[1], g.n[2]), 0.5 * g.side));
-    for (int a = 0; a < 3; a++)
-        area += (size_t)g.n[(a + 1) % 3] * (size_t)g.n[(a + 2) % 3];
     for (int k = 0; k < SV_RELIEF_FACES; k++) {
         size_t texels = (size_t)object->hidden[0][k].width * (size_t)object->hidden[0][k].height;
-        mark = texels > mark ? texels : mark;
+        largest = texels > largest ? texels : largest;
     }
-    size_t voxels = (size_t)g.n[0] * (size_t)g.n[1] * (size_t)g.n[2];
-    float *block = malloc(area * 2 * sizeof *block + voxels + SV_RELIEF_HIDDEN * mark);
-    if (!block)
-        return sv_fail(error, SV_ENOMEM, "object", "no memory for a hull of %zu voxels", voxels);
-    float *at = block;
-    for (int a = 0; a < 3; a++) {
-        size_t lines = (size_t)g.n[(a + 1) % 3] * (size_t)g.n[(a + 2) % 3];
-        g.low[a] = at;
-        g.high[a] = at + lines;
-        at += 2 * lines;
+    uint8_t *block = NULL;
+    size_t bytes = share_out(&g, &s, block, largest * ENTRIES);
+    bool done = (block = malloc(bytes)) != NULL;
+    if (done) {
+        share_out(&g, &s, block, largest * ENTRIES);
+        carve(&g);
     }
-    g.solid = (uint8_t *)at;
-    carve(&g);
-    for (int layer = 0; layer < SV_RELIEF_HIDDEN; layer++)
-        g.mark[layer] = g.solid + voxels + (size_t)layer * mark;
-    for (int k = 0; k < SV_RELIEF_FACES; k++)
-        find_hidden(&g, k);
+    for (int k = 0; done && k < SV_RELIEF_FACES; k++) {
+        s.face = k;
+        s.width = object->hidden[0][k].width;
+        s.height = object->hidden[0][k].height;
+        s.cut = object->hidden[0][k].cut;
+        done = find_hidden(&g, &s);
+    }
     free(block);
+    if (!done)
+        return sv_fail(error, SV_ENOMEM, "object", "no memory for a hull, %zu bytes and more", bytes);
     return SV_OK;
 }

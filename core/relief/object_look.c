@@ -14,9 +14,10 @@
 
 #include "core/base/frames.h"
 #include "core/relief/object_shadow.h"
+#include "core/relief/object_splat.h"
 
 /* Six faces, then what is hidden behind each. */
-enum { SHEETS = SV_RELIEF_SHEETS };
+enum { SHEETS = SV_RELIEF_SHEETS, SPANS_MAX = SV_RELIEF_RESOLUTION_MAX / 8 + 1 };
 
 struct sv_relief_look {
     const struct sv_relief_object *object;
@@ -185,35 +186,20 @@ static struct sv_relief_frame world_frame(const struct sv_relief_frame *m,
                                     .f = sv_rotate_clockwise(m->f, r)};
 }
 
-/* One sheet's rows that may face the eye, as a source; false: there are none. */
-static bool make_source(const struct sv_relief_look *look, int k, const struct sv_camera *camera,
-                        struct sv_vec3 eye, struct sv_warp_source *source)
+static void make_source(const struct sv_relief_look *look, int k, const struct sv_relief_place *place,
+                        const struct sv_camera *camera, double shift_x_px, double shift_y_px,
+                        struct sv_warp_source *source)
 {
     const struct sv_relief *face = &look->face[k];
-    bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
-    int first, last;
-    if (!sv_relief_object_rows(look->object, k, eye, is_place, &first, &last))
-        return false;
-    size_t start = (size_t)first * (size_t)face->width;
-    *source = (struct sv_warp_source){.width = face->width,
-                                      .height = last - first,
-                                      .t = face->displ + start,
-                                      .color = look->color[k] + start,
-                                      .cut = face->cut};
-    return true;
-}
-
-static void set_map(const struct sv_relief *face, const struct sv_relief_place *place,
-                    const struct sv_camera *camera, double shift_x_px, double shift_y_px,
-                    struct sv_warp_source *source)
-{
     struct sv_relief_frame frame = world_frame(&face->frame, place);
+    *source = (struct sv_warp_source){.width = face->width,
+                                      .height = face->height,
+                                      .t = face->displ,
+                                      .color = look->color[k],
+                                      .cut = face->cut};
     sv_warp_map_from_camera(&frame, camera, shift_x_px, shift_y_px, &source->map);
-    double first = (double)((source->t - face->displ) / face->width);
-    for (int row = 0; row < 4; row++) {
-        source->map.m[row][2] *= place->height_m; /* t is in model space, where the object is 1 high */
-        source->map.m[row][3] += source->map.m[row][1] * first;
-    }
+    for (int row = 0; row < 4; row++) /* t is in model space, where the object is 1 high */
+        source->map.m[row][2] *= place->height_m;
 }
 
 /* Bit k: pixel k of four holds nothing. */
@@ -240,8 +226,11 @@ static uint32_t close_gaps(struct sv_warp_buffer *b)
     int x0 = b->x0 < 2 ? 2 : b->x0, x1 = b->x1 > b->width - 2 ? b->width - 2 : b->x1;
     int y0 = b->y0 < 2 ? 2 : b->y0, y1 = b->y1 > b->height - 2 ? b->height - 2 : b->y1;
     const size_t w = (size_t)b->width;
+    if (b->width < 8)
+        return 0;
     for (int j = y0; j < y1; j++)
-        for (int i = x0; i + 4 <= x1; i += 4) {
+        for (int group = x0; group < x1; group += 4) {
+            int i = group < b->width - 6 ? group : b->width - 6; /* the last one of a row reaches back */
             const size_t at = (size_t)j * w + (size_t)i;
             const uint32_t *t = b->texel + at;
             int empty = empty4(t);
@@ -276,12 +265,17 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
                              ? sv_relief_place_to_model(place, camera->eye)
                              : sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
     sv_warp_clear(buffer);
+    bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
     for (int k = 0; k < SHEETS; k++) {
+        struct sv_relief_span spans[SPANS_MAX];
         struct sv_warp_source *source = &look->source[count];
-        if (!(faces >> k % SV_RELIEF_FACES & 1) || !make_source(look, k, camera, eye, source))
+        int spanned = 0;
+        if (faces >> k % SV_RELIEF_FACES & 1)
+            spanned = sv_relief_object_spans(look->object, k, eye, is_place, spans);
+        if (spanned == 0)
             continue;
-        set_map(&look->face[k], place, camera, shift_x_px, shift_y_px, source);
-        sv_warp_splat(source, count++, buffer, stats);
+        make_source(look, k, place, camera, shift_x_px, shift_y_px, source);
+        sv_relief_splat(source, count++, look->object->rims[k], spans, spanned, buffer, stats);
     }
     stats->holes += close_gaps(buffer);
     *sources = look->source;

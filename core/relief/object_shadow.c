@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "core/relief/cast.h"
+#include "core/relief/object_splat.h"
 #include "core/relief/row_front.h"
 #include "core/relief/self_shadow.h"
 
@@ -89,7 +90,7 @@ struct light_view {
 static struct light_view light_view(const struct sv_relief_object *object, struct sv_vec3 to_sun, int side)
 {
     struct sv_vec3 aside = fabs(to_sun.z) < 0.9 ? sv_vec3(0, 0, 1) : sv_vec3(1, 0, 0);
-    struct sv_vec3 right = sv_normalize(sv_cross(to_sun, aside)), down = sv_cross(to_sun, right);
+    struct sv_vec3 right = sv_normalize(sv_cross(aside, to_sun)), down = sv_cross(right, to_sun);
     struct sv_vec3 middle = sv_scale(sv_add(object->box_min, object->box_max), 0.5);
     double reach = side * object->texel;
     struct light_view v = {.axis = {sv_scale(right, 1 / object->texel), sv_scale(down, 1 / object->texel),
@@ -114,22 +115,17 @@ static void draw_map(struct sv_relief_shade *shade, const struct sv_relief sheet
     struct sv_warp_stats stats = {0};
     sv_warp_clear(&shade->map);
     for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        int first, last;
-        if (!sv_relief_object_rows(shade->object, k, to_sun, false, &first, &last))
-            continue;
-        size_t start = (size_t)first * (size_t)sheet[k].width;
+        struct sv_relief_span spans[SV_RELIEF_RESOLUTION_MAX / 8 + 1];
+        int count = sv_relief_object_spans(shade->object, k, to_sun, false, spans);
         struct sv_warp_source source = {.width = sheet[k].width,
-                                        .height = last - first,
-                                        .t = sheet[k].displ + start,
-                                        .color = (const uint8_t(*)[4])sheet[k].color + start,
+                                        .height = sheet[k].height,
+                                        .t = sheet[k].displ,
+                                        .color = (const uint8_t(*)[4])sheet[k].color,
                                         .cut = sheet[k].cut};
-        for (int r = 0; r < 3; r++) {
-            double *row = source.map.m[r];
-            along(&sheet[k].frame, view->axis[r], view->at[r], row);
-            row[3] += row[1] * first;
-        }
+        for (int r = 0; r < 3; r++)
+            along(&sheet[k].frame, view->axis[r], view->at[r], source.map.m[r]);
         source.map.m[3][3] = 1;
-        sv_warp_splat(&source, (unsigned)k, &shade->map, &stats);
+        sv_relief_splat(&source, (unsigned)k, shade->object->rims[k], spans, count, &shade->map, &stats);
     }
 }
 

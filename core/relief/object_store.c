@@ -167,6 +167,8 @@ enum sv_status sv_relief_object_load(const void *data, size_t bytes, struct sv_r
     if (status == SV_OK)
         status = sv_relief_object_tile(&made, error);
     if (status == SV_OK)
+        status = sv_relief_object_rim(&made, error);
+    if (status == SV_OK)
         *object = made;
     else
         sv_relief_object_finish(&made);

@@ -5,7 +5,7 @@
  * half angle plus half the angle under which the eye sees the ball. This is how the faces that a view needs
  * are found (the up to three that look towards the eye, and of the others those that hold texels across an
  * edge), and the rows of each. */
-#include "core/relief/object.h"
+#include "core/relief/object_splat.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -113,34 +113,35 @@ static bool may_face(const struct sv_relief_tile *t, struct sv_vec3 eye, bool is
     return spread >= SV_PI / 2 || sv_dot(t->axis, to_eye) > -sin(spread) * distance;
 }
 
-bool sv_relief_object_rows(const struct sv_relief_object *object, int sheet, struct sv_vec3 eye,
-                           bool is_place, int *first, int *last)
+int sv_relief_object_spans(const struct sv_relief_object *object, int sheet, struct sv_vec3 eye,
+                           bool is_place, struct sv_relief_span *spans)
 {
     const struct sv_relief *r = sv_relief_sheet(object, sheet);
     const struct sv_relief_tile *tile = object->tile[sheet];
-    int columns = across(r), rows = down(r), low = rows, high = -1;
-    for (int j = 0; r->solid_count && j < rows; j++)
-        for (int i = 0; i < columns; i++)
-            if (may_face(&tile[j * columns + i], eye, is_place)) {
-                low = j < low ? j : low;
-                high = j;
-                break;
-            }
-    if (high < 0)
-        return false;
-    /* A texel more on both sides: cells between tiles are part of both. */
-    *first = low * SIDE > 0 ? low * SIDE - 1 : 0;
-    *last = (high + 1) * SIDE + 1 < r->height ? (high + 1) * SIDE + 1 : r->height;
-    return true;
+    int columns = across(r), rows = down(r), count = 0;
+    for (int j = 0; r->solid_count && j < rows; j++, tile += columns) {
+        int low = 0, high = columns - 1;
+        while (low < columns && !may_face(&tile[low], eye, is_place))
+            low++;
+        while (high > low && !may_face(&tile[high], eye, is_place))
+            high--;
+        if (low == columns)
+            continue;
+        int row1 = (j + 1) * SIDE < r->height ? (j + 1) * SIDE : r->height;
+        int column1 = (high + 1) * SIDE < r->width ? (high + 1) * SIDE : r->width;
+        spans[count++] = (struct sv_relief_span){j * SIDE, row1, low * SIDE, column1};
+    }
+    return count;
 }
 
 unsigned sv_relief_object_seen_from(const struct sv_relief_object *object, struct sv_vec3 eye, bool is_place)
 {
     unsigned faces = 0;
-    int first, last;
-    for (int k = 0; k < SV_RELIEF_SHEETS; k++)
-        if (!(faces >> k % SV_RELIEF_FACES & 1) &&
-            sv_relief_object_rows(object, k, eye, is_place, &first, &last))
-            faces |= 1u << k % SV_RELIEF_FACES;
+    for (int k = 0; k < SV_RELIEF_SHEETS; k++) {
+        const struct sv_relief *r = sv_relief_sheet(object, k);
+        unsigned bit = 1u << k % SV_RELIEF_FACES;
+        for (int i = 0; r->solid_count && !(faces & bit) && i < across(r) * down(r); i++)
+            faces |= may_face(&object->tile[k][i], eye, is_place) ? bit : 0;
+    }
     return faces;
 }

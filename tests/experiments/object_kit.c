@@ -9,7 +9,7 @@
 #include "core/base/color.h"
 #include "core/base/noise.h"
 
-const char *const object_kit_names[OBJECT_KIT_COUNT] = {"sphere", "box", "torus", "courtyard", "knot"};
+const char *const object_kit_names[OBJECT_KIT_COUNT] = {"sphere", "box", "torus", "courtyard", "knot", "urn"};
 
 enum { VERTICES_MAX = 400000, INDICES_MAX = 2400000, STONE_SIDE = 512 };
 
@@ -122,6 +122,30 @@ static struct sv_vec3 knot(double u, double v)
     return sv_vec3(p.x, p.z * 1.1, 0.525 - p.y * 0.95);
 }
 
+/* Profile of the urn: (height, radius), read with a smooth step between; equal heights are edges. */
+static const double URN[][2] = {
+    {0, 0},        {0, 0.30},     {0.035, 0.31}, {0.07, 0.29},  {0.075, 0.24}, {0.10, 0.235},  {0.115, 0.15},
+    {0.16, 0.085}, {0.19, 0.08},  {0.20, 0.115}, {0.225, 0.12}, {0.235, 0.09}, {0.26, 0.10},   {0.34, 0.24},
+    {0.44, 0.335}, {0.54, 0.36},  {0.61, 0.33},  {0.635, 0.30}, {0.645, 0.34}, {0.68, 0.355},  {0.69, 0.33},
+    {0.70, 0.30},  {0.76, 0.25},  {0.82, 0.16},  {0.85, 0.085}, {0.865, 0.06}, {0.875, 0.055}, {0.895, 0.09},
+    {0.94, 0.115}, {0.98, 0.085}, {1, 0}};
+enum { URN_POINTS = sizeof URN / sizeof *URN };
+
+static struct sv_vec3 urn(double u, double v)
+{
+    double at = sv_clamp(v, 0, 1) * (URN_POINTS - 1), angle = 2 * SV_PI * u;
+    int k = (int)fmin(at, URN_POINTS - 2);
+    double f = at - k, s = f * f * (3 - 2 * f);
+    double z = URN[k][0] + (URN[k + 1][0] - URN[k][0]) * f, r = URN[k][1] + (URN[k + 1][1] - URN[k][1]) * s;
+    /* Flutes on the bowl, petals on the lid, a wreath of bosses at the shoulder. */
+    double bowl = sv_clamp((z - 0.27) / 0.04, 0, 1) * sv_clamp((0.53 - z) / 0.03, 0, 1);
+    double lid = sv_clamp((z - 0.70) / 0.02, 0, 1) * sv_clamp((0.82 - z) / 0.03, 0, 1);
+    double wreath = sv_clamp((z - 0.545) / 0.01, 0, 1) * sv_clamp((0.605 - z) / 0.01, 0, 1);
+    r *= 1 + 0.05 * bowl * fabs(cos(10 * angle)) + 0.06 * lid * fabs(cos(6 * angle));
+    r += 0.014 * wreath * fmax(0, cos(18 * angle));
+    return sv_vec3(r * cos(angle), r * sin(angle), z);
+}
+
 static void put_pedestal(struct sv_tree_mesh *m)
 {
     static const double STEPS[][3] = {/* z from, z to, half width */
@@ -207,6 +231,9 @@ struct sv_tree_mesh object_kit_make(enum object_kit_body body)
     case OBJECT_KIT_KNOT:
         put_surface(&m, knot, 720, 120, 6, 1);
         put_pedestal(&m);
+        break;
+    case OBJECT_KIT_URN:
+        put_surface(&m, urn, 480, 360, 4, 2);
         break;
     case OBJECT_KIT_COUNT:
         abort();

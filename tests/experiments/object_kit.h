@@ -10,7 +10,8 @@ enum object_kit_body {
     OBJECT_KIT_BOX,       /* 0.8 x 0.6 x 1 */
     OBJECT_KIT_TORUS,     /* standing upright: one looks through it */
     OBJECT_KIT_COURTYARD, /* four walls around a floor, with a gate: concave, seen into from above */
-    OBJECT_KIT_KNOT,      /* a carved trefoil knot of stone on a moulded pedestal: figure 6 */
+    OBJECT_KIT_KNOT,      /* a carved trefoil knot of stone on a moulded pedestal */
+    OBJECT_KIT_URN,       /* a fluted stone urn with lid and foot: figure 6 */
     OBJECT_KIT_COUNT
 };
 

@@ -120,8 +120,8 @@ size_t fuzz_seed_input(struct sv_rng *rng, uint8_t out[FUZZ_INPUT_MAX])
             r->color[i][3] = sv_rng_unit(rng) < 0.8 ? 255 : 0;
         }
     }
-    sv_relief_object_choose(&object);
-    if (sv_relief_object_save(&object, &data, &bytes, NULL) != SV_OK || bytes > FUZZ_INPUT_MAX)
+    if (sv_relief_object_choose(&object, NULL) != SV_OK ||
+        sv_relief_object_save(&object, &data, &bytes, NULL) != SV_OK || bytes > FUZZ_INPUT_MAX)
         broken("the seed is not sound");
     memcpy(out, data, bytes);
     free(data);
