@@ -12,7 +12,10 @@
 enum { STACK = 64 };
 
 static const double STAMP_TEXELS = 1.25; /* trees narrower than that are stamped */
-static const double LEVEL_SUN_Z = 1e-6;  /* suns lower than that are taken to stand there */
+/* Silhouette texels are 1 / sqrt(2) to sqrt(2) of the window's: one sample of them is enough
+ * (sv_shadow_window_cast). */
+static const double FINEST = 1.4;
+static const double LEVEL_SUN_Z = 1e-6; /* suns lower than that are taken to stand there */
 
 /* What is the same for all trees. Places are relative to the window's corner and to its z0. */
 struct casting {
@@ -69,7 +72,7 @@ static int level_for(const struct sv_shade_outline *o, double height_m, double t
 {
     int n = 0;
     double texel = (double)o->texel * height_m;
-    while (n < o->levels - 1 && texel * 2 <= texel_m) {
+    while (n < o->levels - 1 && texel * FINEST <= texel_m) {
         texel *= 2;
         n++;
     }
@@ -152,9 +155,9 @@ static void cast_tree(const struct casting *c, const struct sv_tree *tree)
         stamp_tree(c, o, tree);
         return;
     }
-    /* Across the light a window's texel is as long as it is, along it shorter by sin(elevation): between. */
-    double texel_m = c->window->texel_m * sqrt(c->sun->axes.to_sun.z);
-    const struct sv_silhouette *l = &o->level[level_for(o, h, texel_m)];
+    /* Along the light a window's texel takes sin(elevation) of the silhouette's only: shadows of a low sun
+     * are as much softer there as its penumbra is longer. */
+    const struct sv_silhouette *l = &o->level[level_for(o, h, c->window->texel_m)];
     sv_shadow_window_cast(c->window, l, sv_vec3(tree->x, tree->y, tree->z), h);
 }
 

@@ -573,9 +573,9 @@ static void the_terrain_shades_from_below(void **state)
             sum += (double)light / STEPS;
             /* A row is 5 m: the edge is that wide. The least shadow that is heeded is 0.1 m and 1/20 of 20 m.
              */
-            if (d <= 1 || p[2] * 20 > d + 5.5f)
+            if (d <= 1 || p[2] * 20 > d + 7.6f)
                 assert_true(light > 0.99f);
-            if (d > 1 && p[2] * 20 < d - 5.5f)
+            if (d > 1 && p[2] * 20 < d - 7.6f)
                 assert_true(light < 0.01f);
         }
         /* Within half a row where the edge passes the grid's ends. */
@@ -735,8 +735,7 @@ static void the_caster_finds_every_tree_that_reaches(void **state)
             const struct sv_shade_outline *o =
                 &f.shade->current->views[tree->species].turn[sv_shade_turn(tree->rotation_rad)];
             int n = 0;
-            while (n < o->levels - 1 && ldexp((double)o->texel, n + 1) * (double)tree->height_m <=
-                                            texel * sqrt(f.shade->current->axes.to_sun.z))
+            while (n < o->levels - 1 && ldexp((double)o->texel, n) * (double)tree->height_m * 1.4 <= texel)
                 n++;
             sv_shadow_window_cast(&b, &o->level[n], sv_vec3(tree->x, tree->y, tree->z),
                                   (double)tree->height_m);
