@@ -3,9 +3,10 @@
  *
  * In one column of samples everything lies in one plane through the eye. A sample of the upper row and one of
  * the lower are ends of one piece of surface when the texels that they stand for belong together: each finds
- * the one that is nearest to it along the row, and both must agree. What finds no partner keeps half a texel
- * of its own displ. The few pieces of one column and one interval are drawn from far to near by their displ:
- * on one ray, nearness and displ are the same order. */
+ * the one that is nearest to it along the row, and both must agree. What finds no partner is one side of a
+ * fold that closes between the rows, or keeps half a texel of its own displ. The few pieces of one column and
+ * one interval are drawn from far to near by their displ: on one ray, nearness and displ are the same order.
+ */
 #include <string.h>
 
 #include "core/relief/prewarp_private.h"
@@ -142,24 +143,54 @@ static void insert(struct piece *pieces, int count, const struct piece *p, doubl
     pieces[count] = *p;
 }
 
+/* What found no partner of one row's samples. Two of one surface are a fold that closes before the next row:
+ * the surface goes from one to the other. The rest keeps half a texel. */
+static int add_rest(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int side,
+                    const struct sv_prewarp_sample *s, const bool *paired, int n, struct piece *pieces,
+                    int count)
+{
+    int open = -1;
+    for (int m = 0; m < n; m++) {
+        if (paired[m])
+            continue;
+        if (open >= 0 && row->run[side][s[open].texel] == row->run[side][s[m].texel]) {
+            struct piece fold = whole(w, &s[open], row, &s[m], row);
+            insert(pieces, count++, &fold, w->toward);
+            open = -1;
+            continue;
+        }
+        if (open >= 0) {
+            struct piece p = half(w, &s[open], row, row->j + side);
+            insert(pieces, count++, &p, w->toward);
+        }
+        open = m;
+    }
+    if (open >= 0) {
+        struct piece p = half(w, &s[open], row, row->j + side);
+        insert(pieces, count++, &p, w->toward);
+    }
+    return count;
+}
+
 static void draw_column(const struct sv_prewarp_work *w, int x, const struct sv_prewarp_row *above, int na,
                         const struct sv_prewarp_sample *a, const struct sv_prewarp_row *below, int nb,
                         const struct sv_prewarp_sample *b)
 {
-    struct piece pieces[2 * SV_PREWARP_LAYERS], p;
+    struct piece pieces[2 * SV_PREWARP_LAYERS];
     int of_a[SV_PREWARP_LAYERS], of_b[SV_PREWARP_LAYERS], count = 0;
+    bool paired_a[SV_PREWARP_LAYERS], paired_b[SV_PREWARP_LAYERS];
     choose(w, above, na, a, below, nb, b, of_a, of_b);
+    for (int n = 0; n < nb; n++)
+        paired_b[n] = of_b[n] >= 0 && of_a[of_b[n]] == n;
     for (int m = 0; m < na; m++) {
-        bool pair = of_a[m] >= 0 && of_b[of_a[m]] == m;
-        p = pair ? whole(w, &a[m], above, &b[of_a[m]], below) : half(w, &a[m], above, above->j + 1);
-        insert(pieces, count++, &p, w->toward);
+        paired_a[m] = of_a[m] >= 0 && of_b[of_a[m]] == m;
+        if (paired_a[m]) {
+            struct piece p = whole(w, &a[m], above, &b[of_a[m]], below);
+            insert(pieces, count++, &p, w->toward);
+        }
     }
-    for (int n = 0; n < nb; n++) {
-        if (of_b[n] >= 0 && of_a[of_b[n]] == n)
-            continue;
-        p = half(w, &b[n], below, below->j);
-        insert(pieces, count++, &p, w->toward);
-    }
+    count = add_rest(w, above, 1, a, paired_a, na, pieces, count);
+    count = add_rest(w, below, 0, b, paired_b, nb, pieces, count);
     for (int n = 0; n < count; n++)
         draw(w, x, &pieces[n]);
 }

@@ -383,7 +383,7 @@ static const struct {
 enum { LOOKS = sizeof looks / sizeof *looks };
 
 /* Named reliefs from seven places, with both orders of passes. The plain suite takes those of up to 64 texels
- * a side, SV_TEST_FULL=1 all. */
+ * a side, SV_TEST_FULL=1 all; SV_TEST_EACH=1 prints each. */
 static void two_pass_against_rays(void **state)
 {
     (void)state;

@@ -34,8 +34,7 @@ enum { SLOT_DISPL, SLOT_COLOR, SLOT_NORMAL, SLOT_IN, SLOT_IN2, SLOT_OUT, SLOT_OU
 enum { PAGE = 4096, SLOT_PAGES = 2 };
 static char *slots[SLOTS];
 
-/* What is being done, for the handler of a fault. */
-static const char *volatile doing = "";
+static const char *volatile doing = ""; /* for the handler of a fault */
 static volatile long current;
 
 static void on_fault(int number)
@@ -153,9 +152,7 @@ static struct sv_vec3 any_eye(struct sv_rng *rng, const struct sv_relief *r)
     double u = sv_rng_range(rng, -1, r->width + 1.0), v = sv_rng_range(rng, -1, r->height + 1.0);
     double size = sv_length(r->frame.a) * r->width + sv_length(r->frame.b) * r->height, d = 0;
     size_t t = pick(rng, (uint32_t)(r->width * r->height));
-    switch (pick(rng, 7)) {
-    case 0:
-        break;
+    switch (pick(rng, 7)) { /* 0: on the plane */
     case 1:
         d = isfinite(r->displ[t]) ? r->displ[t] : 0;
         break;
@@ -170,7 +167,7 @@ static struct sv_vec3 any_eye(struct sv_rng *rng, const struct sv_relief *r)
         break;
     case 5:
         return sv_madd(r->frame.origin, any_unit(rng), size * pow(10, sv_rng_range(rng, -6, 6)));
-    default:
+    case 6:
         d = pick(rng, 4) ? size : NAN;
     }
     return sv_relief_point(&r->frame, u, v, d);
