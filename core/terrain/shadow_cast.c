@@ -46,14 +46,22 @@ float sv_shadow_cast_coverage(const struct sv_shadow_cast *c, float s, float t, 
     return low + (high - low) * v;
 }
 
+void sv_shadow_cast_spread(struct sv_shadow_cast *c, double spread_s, double spread_t)
+{
+    for (int k = 0; k < c->samples_s; k++)
+        c->offset_s[k] = (float)(((k + 0.5) / c->samples_s - 0.5) * spread_s);
+    for (int k = 0; k < c->samples_t; k++)
+        c->offset_t[k] = (float)(((k + 0.5) / c->samples_t - 0.5) * spread_t);
+    c->share = 1.0f / (float)(c->samples_s * c->samples_t);
+}
+
 float sv_shadow_cast_mean(const struct sv_shadow_cast *c, float s, float t, float d)
 {
     float sum = 0;
     for (int b = 0; b < c->samples_t; b++)
         for (int a = 0; a < c->samples_s; a++)
-            sum += sv_shadow_cast_coverage(c, s + sv_shadow_cast_offset(a, c->samples_s) * c->spread_s,
-                                           t + sv_shadow_cast_offset(b, c->samples_t) * c->spread_t, d);
-    return sum * (1.0f / (float)(c->samples_s * c->samples_t));
+            sum += sv_shadow_cast_coverage(c, s + c->offset_s[a], t + c->offset_t[b], d);
+    return sum * c->share;
 }
 
 void sv_shadow_cast_row_scalar(const struct sv_shadow_cast *c, float s, float t, float d, int count,
@@ -231,10 +239,10 @@ static bool narrow(const struct job *job, double *from, double *to)
 
 /* ---- rows ---- */
 
-/* Samples that a spread of so many texels wants: each is bilinear, so that it takes in nearly two. */
+/* Samples that a spread of so many texels wants: each is bilinear, so that it takes in two. */
 static int samples_of(double spread)
 {
-    return spread <= 1.75 ? 1 : spread <= 3.5 ? 2 : spread <= 5.25 ? 3 : 4;
+    return spread <= 2 ? 1 : spread <= 4 ? 2 : spread <= 6 ? 3 : 4;
 }
 
 /* Columns i of row j where low <= a + i step + j row <= high, as two lines in j. */
@@ -267,7 +275,7 @@ static void cast_rows(const struct job *job, double from, double to)
     struct sv_shadow_window *w = job->window;
     double m = w->texel_m;
     struct span box = track_box(job, from, to);
-    double slack = 0.5 * (double)job->cast.spread_s + 0.5;
+    double slack = 0.5 + (double)fabsf(job->cast.offset_s[0]);
     int j0 = (int)fmax(0, floor(box.y0 / m - 0.5)), j1 = (int)fmin(SIDE - 1, ceil(box.y1 / m));
     double low_i = fmax(0, floor(box.x0 / m - 0.5)), high_i = fmin(SIDE - 1, ceil(box.x1 / m));
     sv_shadow_cast_row *row =
@@ -289,6 +297,9 @@ static void cast_rows(const struct job *job, double from, double to)
         int i0 = (int)lo + ((double)(int)lo < lo), count = (int)hi - i0 + 1;
         if (count <= 0)
             continue;
+        /* Whole vectors: what is added lies beside the outline, or a few texels behind where its shadow ends.
+         */
+        count = (count + 7) / 8 * 8 < SIDE - i0 ? (count + 7) / 8 * 8 : SIDE - i0;
         double x = (i0 + 0.5) * m, y = (j + 0.5) * m;
         float s = (float)form_at(fs, x, y, 0), t = (float)form_at(ft, x, y, 0),
               d = (float)form_at(fd, x, y, 0);
@@ -330,8 +341,7 @@ void sv_shadow_window_cast(struct sv_shadow_window *window, const struct sv_silh
                                        .height_t = (float)job.t.z,
                                        .height_d = (float)job.d.z,
                                        .samples_s = samples_of(spread_s),
-                                       .samples_t = samples_of(spread_t),
-                                       .spread_s = (float)spread_s,
-                                       .spread_t = (float)spread_t};
+                                       .samples_t = samples_of(spread_t)};
+    sv_shadow_cast_spread(&job.cast, spread_s, spread_t);
     cast_rows(&job, from, to);
 }

@@ -4,6 +4,8 @@
 
 #include <stdint.h>
 
+enum { SV_SHADOW_CAST_SAMPLES = 4 };
+
 /* Silhouette coordinates of window texel i of a row are linear in i and in the ground's height g there:
  * s + i step_s + g height_s, and so for t and the depth d. s, t: texels, already less the half, so that
  * whole numbers are texel centres. d in the silhouette's lengths. */
@@ -14,16 +16,14 @@ struct sv_shadow_cast {
     float first_d;
     float step_s, step_t, step_d;
     float height_s, height_t, height_d;
-    /* A window's texel covers spread_s x spread_t of the silhouette's: the mean of so many samples of it. */
+    /* A window's texel covers more than one of the silhouette's: the mean of samples_s x samples_t of them.
+     */
     int samples_s, samples_t;
-    float spread_s, spread_t;
+    float offset_s[SV_SHADOW_CAST_SAMPLES], offset_t[SV_SHADOW_CAST_SAMPLES], share;
 };
 
-/* Where sample k of n lies, in shares of the spread. */
-static inline float sv_shadow_cast_offset(int k, int n)
-{
-    return ((float)k + 0.5f) / (float)n - 0.5f;
-}
+/* Spaces samples_s and samples_t samples evenly over so many texels of the silhouette. */
+void sv_shadow_cast_spread(struct sv_shadow_cast *cast, double spread_s, double spread_t);
 
 /* count texels of one row, ground[0 .. count), light[0 .. count); s, t, d at texel 0 for ground 0. */
 typedef void sv_shadow_cast_row(const struct sv_shadow_cast *cast, float s, float t, float d, int count,

@@ -75,11 +75,10 @@ static inline __m256i mean8(const struct sv_shadow_cast *c, __m256 s, __m256 t, 
     __m256 sum = _mm256_setzero_ps();
     for (int b = 0; b < c->samples_t; b++)
         for (int a = 0; a < c->samples_s; a++) {
-            __m256 off_s = _mm256_set1_ps(sv_shadow_cast_offset(a, c->samples_s) * c->spread_s);
-            __m256 off_t = _mm256_set1_ps(sv_shadow_cast_offset(b, c->samples_t) * c->spread_t);
+            __m256 off_s = _mm256_set1_ps(c->offset_s[a]), off_t = _mm256_set1_ps(c->offset_t[b]);
             sum = _mm256_add_ps(sum, coverage8(c, _mm256_add_ps(s, off_s), _mm256_add_ps(t, off_t), d));
         }
-    sum = _mm256_mul_ps(sum, _mm256_set1_ps(1.0f / (float)(c->samples_s * c->samples_t)));
+    sum = _mm256_mul_ps(sum, _mm256_set1_ps(c->share));
     return _mm256_cvttps_epi32(_mm256_add_ps(sum, _mm256_set1_ps(0.5f)));
 }
 

@@ -431,8 +431,10 @@ static void simd_is_scalar(void **state)
                                    (float)sv_rng_range(&rng, -1, 1),
                                    1 + round % 4,
                                    1 + round / 4 % 3,
-                                   (float)sv_rng_range(&rng, 0, 5),
-                                   (float)sv_rng_range(&rng, 0, 4)};
+                                   {0},
+                                   {0},
+                                   0};
+        sv_shadow_cast_spread(&c, sv_rng_range(&rng, 0, 5), sv_rng_range(&rng, 0, 4));
         float s = (float)sv_rng_range(&rng, -10, w + 10), t = (float)sv_rng_range(&rng, -10, h + 10);
         sv_shadow_cast_row_scalar(&c, s, t, 1, count, ground, plain);
         sv_shadow_cast_row_avx2(&c, s, t, 1, count, ground, light);
