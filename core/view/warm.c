@@ -3,7 +3,8 @@
  * A variant of a shader depends on the formats that are attached and on blending, not on the camera, the sun
  * or the air, which are uniforms. So one pose does, if it sees ground near and far (terrain/draw.c has a
  * program for each zone of depth) and trees both as polygons and as impostors; objects have a pose of their
- * own. */
+ * own. It is drawn with shadows and without, whose programs differ; the first also makes the window of
+ * sunlight over all of the scene (terrain/draw_shadow.h). */
 #include "core/view/warm.h"
 
 #include <math.h>
@@ -74,13 +75,16 @@ enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene 
     request.sky = true;
     request.quality = SV_QUALITY_FAST;
     choose_pose(scene, &request);
-    enum sv_status status = sv_view_resolve(scene, &request, &view, NULL, error);
-    if (status)
-        return status;
-    view.plan.polygon_px = POLYGON_PX;
-    view.plan.triangle_budget = TRIANGLE_BUDGET;
-    status = sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, error);
-    if (!status)
-        sv_picture_finish(&picture);
+    enum sv_status status = SV_OK;
+    for (int shadows = 1; shadows >= 0 && !status; shadows--) {
+        request.shadows = shadows;
+        status = sv_view_resolve(scene, &request, &view, NULL, error);
+        view.plan.polygon_px = POLYGON_PX;
+        view.plan.triangle_budget = TRIANGLE_BUDGET;
+        if (!status)
+            status = sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, error);
+        if (!status)
+            sv_picture_finish(&picture);
+    }
     return !status && scene->object_count > 0 ? warm_objects(renderer, scene, request, error) : status;
 }

@@ -6,10 +6,10 @@
 
 #include "core/view/renderer.h"
 
-/* Draws one small picture of these layers (a bit set, not 0) and drops it: terrain at every distance, sky,
- * trees in each form. Views of the same set of layers then cost the same from the first one on, whatever
- * their camera, sun, air and sky. A set takes 0.6 (depth, normals or ids alone) to 1.2 s (colour) of CPU
- * time. Errors as sv_renderer_draw. */
+/* Draws a small picture of these layers (a bit set, not 0) with shadows and one without, and drops them:
+ * terrain at every distance, sky, trees in each form. Views of the same set of layers then cost the same from
+ * the first one on, whatever their camera, sun, air and sky. A set takes 0.6 (depth, normals or ids alone)
+ * to 1.2 s (colour) of CPU time. Errors as sv_renderer_draw. */
 SV_MUST_CHECK enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene *scene,
                                           unsigned layers, struct sv_error *error);
 
