@@ -143,31 +143,36 @@ static void insert(struct piece *pieces, int count, const struct piece *p, doubl
     pieces[count] = *p;
 }
 
-/* What found no partner of one row's samples. Two of one surface are a fold that closes before the next row:
- * the surface goes from one to the other. The rest keeps half a texel. */
-static int add_rest(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int side,
-                    const struct sv_prewarp_sample *s, const bool *paired, int n, struct piece *pieces,
-                    int count)
+/* Two samples of one row that found no partner are the sides of a fold that closes before the next row, if
+ * they are one surface and it goes on towards that row somewhere between them. */
+static bool fold(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int side,
+                 const struct sv_prewarp_row *next, const struct sv_prewarp_sample *s,
+                 const struct sv_prewarp_sample *t)
 {
-    int open = -1;
+    if (!next || row->run[side][s->texel] != row->run[side][t->texel])
+        return false;
+    int first = s->texel < t->texel ? s->texel : t->texel, last = s->texel + t->texel - first;
+    for (int c = first; c <= last; c++)
+        if (next->run[!side][c] >= 0 && fabsf(row->displ[c] - next->displ[c]) <= w->relief->cut)
+            return true;
+    return false;
+}
+
+/* Pieces of what found no partner among one row's samples, on the side of the row `next`. */
+static int add_rest(const struct sv_prewarp_work *w, const struct sv_prewarp_row *row, int side,
+                    const struct sv_prewarp_row *next, const struct sv_prewarp_sample *s, const bool *paired,
+                    int n, struct piece *pieces, int count)
+{
     for (int m = 0; m < n; m++) {
+        int to = m + 1;
+        while (to < n && paired[to])
+            to++;
         if (paired[m])
             continue;
-        if (open >= 0 && row->run[side][s[open].texel] == row->run[side][s[m].texel]) {
-            struct piece fold = whole(w, &s[open], row, &s[m], row);
-            insert(pieces, count++, &fold, w->toward);
-            open = -1;
-            continue;
-        }
-        if (open >= 0) {
-            struct piece p = half(w, &s[open], row, row->j + side);
-            insert(pieces, count++, &p, w->toward);
-        }
-        open = m;
-    }
-    if (open >= 0) {
-        struct piece p = half(w, &s[open], row, row->j + side);
+        bool folds = to < n && fold(w, row, side, next, &s[m], &s[to]);
+        struct piece p = folds ? whole(w, &s[m], row, &s[to], row) : half(w, &s[m], row, row->j + side);
         insert(pieces, count++, &p, w->toward);
+        m = folds ? to : m;
     }
     return count;
 }
@@ -189,10 +194,25 @@ static void draw_column(const struct sv_prewarp_work *w, int x, const struct sv_
             insert(pieces, count++, &p, w->toward);
         }
     }
-    count = add_rest(w, above, 1, a, paired_a, na, pieces, count);
-    count = add_rest(w, below, 0, b, paired_b, nb, pieces, count);
+    count = add_rest(w, above, 1, below, a, paired_a, na, pieces, count);
+    count = add_rest(w, below, 0, above, b, paired_b, nb, pieces, count);
     for (int n = 0; n < count; n++)
         draw(w, x, &pieces[n]);
+}
+
+/* Where a row is torn as seen from above it and whole from below (or the other way), a step stands on the row
+ * itself, inside one texel: it is closed. */
+static void draw_steps(const struct sv_prewarp_work *w, int x, const struct sv_prewarp_row *row)
+{
+    struct sv_prewarp_sample up[SV_PREWARP_LAYERS], down[SV_PREWARP_LAYERS];
+    int ups = kept(w, row, x, 0, up), downs = kept(w, row, x, 1, down);
+    for (int m = 0; m < ups; m++)
+        for (int n = 0; n < downs; n++) {
+            if (up[m].sides == 3 || down[n].sides == 3 || up[m].texel != down[n].texel)
+                continue;
+            struct piece p = whole(w, &up[m], row, &down[n], row);
+            draw(w, x, &p);
+        }
 }
 
 void sv_prewarp_warp_columns(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above,
@@ -200,6 +220,8 @@ void sv_prewarp_warp_columns(const struct sv_prewarp_work *w, const struct sv_pr
 {
     struct sv_prewarp_sample a[SV_PREWARP_LAYERS], b[SV_PREWARP_LAYERS];
     for (int x = 0; x < w->out_width; x++) {
+        if (above && above->one_sided)
+            draw_steps(w, x, above);
         int na = kept(w, above, x, 1, a), nb = kept(w, below, x, 0, b);
         if (na == 1 && nb == 1 && joined(w, above, a, below, b)) { /* nearly always */
             struct piece p = whole(w, a, above, b, below);

@@ -106,17 +106,27 @@ static double border(const struct sv_prewarp_work *w, size_t texel, bool exists,
     return exists && sv_prewarp_same(w, texel, neighbour) ? 0.5 * (d + w->relief->displ[neighbour]) : d;
 }
 
+/* Where (u, v) at displ d lands: along the axis torn along, and across. */
+static void land(const struct sv_prewarp_work *w, double u, double v, double d, bool second, double *p,
+                 double *q)
+{
+    double tau = 1 + w->k3 * d;
+    double x = ((u + w->k1 * d) / tau - w->u0) * w->scale_u; /* eq. 1, 3 */
+    double y = ((v + w->k2 * d) / tau - w->v0) * w->scale_v; /* eq. 1, 3 */
+    *p = second ? y : x;
+    *q = second ? x : y;
+}
+
 /* The wall between texel (i, j) and the one before it along the first (second) axis. */
 static void try_wall(struct filler *f, int i, int j, bool second)
 {
     const struct sv_prewarp_work *w = f->w;
     size_t along = second ? w->step_v : w->step_u, across = second ? w->step_u : w->step_v;
-    size_t t[2] = {0, (size_t)i * w->step_u + (size_t)j * w->step_v};
+    size_t t1 = (size_t)i * w->step_u + (size_t)j * w->step_v, t[2] = {t1 - along, t1};
     int q = second ? i : j, count = second ? w->width : w->height;
-    t[0] = t[1] - along;
-    const float *displ = w->relief->displ;
     if (!sv_prewarp_drawn(w, t[0]) || !sv_prewarp_drawn(w, t[1]) || sv_prewarp_same(w, t[0], t[1]))
         return;
+    const float *displ = w->relief->displ;
     struct wall wall = {.step_p = second ? w->out_step_y : w->out_step_x,
                         .step_q = second ? w->out_step_x : w->out_step_y,
                         .samples_p = second ? w->out_height : w->out_width,
@@ -125,13 +135,9 @@ static void try_wall(struct filler *f, int i, int j, bool second)
     for (int rim = 0; rim < 2; rim++) {
         double d[STATIONS] = {border(w, t[rim], q > 0, t[rim] - across), displ[t[rim]],
                               border(w, t[rim], q + 1 < count, t[rim] + across)};
-        for (int k = 0; k < STATIONS; k++) {
-            double tau = 1 + w->k3 * d[k], u = i + (second ? 0.5 * k : 0), v = j + (second ? 0 : 0.5 * k);
-            double x = ((u + w->k1 * d[k]) / tau - w->u0) * w->scale_u; /* eq. 1, 3 */
-            double y = ((v + w->k2 * d[k]) / tau - w->v0) * w->scale_v; /* eq. 1, 3 */
-            wall.p[rim][k] = second ? y : x;
-            wall.q[rim][k] = second ? x : y;
-        }
+        for (int k = 0; k < STATIONS; k++)
+            land(w, i + (second ? 0.5 * k : 0), j + (second ? 0 : 0.5 * k), d[k], second, &wall.p[rim][k],
+                 &wall.q[rim][k]);
     }
     draw_wall(f, &wall);
 }

@@ -53,6 +53,7 @@ struct sv_prewarp_sample {
 /* One row of the relief after pass 1. Arrays are views into the owner's block. */
 struct sv_prewarp_row {
     int j;
+    bool one_sided;      /* some samples count on one side only */
     double *u, *v, *tau; /* of each texel's centre, sample positions */
     float *displ;
     int32_t *run[2]; /* first texel of the surface along the row, seen from above and below; -1: not drawn */
@@ -70,6 +71,14 @@ static inline bool sv_prewarp_same(const struct sv_prewarp_work *w, size_t s, si
 {
     return sv_prewarp_drawn(w, s) && sv_prewarp_drawn(w, t) &&
            fabsf(w->relief->displ[s] - w->relief->displ[t]) <= w->relief->cut;
+}
+
+/* The torn pair t is one surface by way of the pair (s0, s1) beside it, when that exists. */
+static inline bool sv_prewarp_joined_by(const struct sv_prewarp_work *w, const size_t t[2], bool exists,
+                                        size_t s0, size_t s1)
+{
+    return exists && sv_prewarp_same(w, s0, s1) && sv_prewarp_same(w, s0, t[0]) &&
+           sv_prewarp_same(w, s1, t[1]);
 }
 
 /* Pass 1 of row j. */

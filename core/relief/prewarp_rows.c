@@ -59,12 +59,9 @@ static void put_pair(const struct sv_prewarp_work *w, struct sv_prewarp_row *row
 /* Texels i - 1 and i of row j are one surface by way of the row `by`. */
 static bool joined_by(const struct sv_prewarp_work *w, int i, int j, int by)
 {
-    if (by < 0 || by >= w->height)
-        return false;
-    size_t t = (size_t)i * w->step_u + (size_t)j * w->step_v,
-           s = (size_t)i * w->step_u + (size_t)by * w->step_v;
-    return sv_prewarp_same(w, s, s - w->step_u) && sv_prewarp_same(w, s, t) &&
-           sv_prewarp_same(w, s - w->step_u, t - w->step_u);
+    size_t t = (size_t)i * w->step_u + (size_t)j * w->step_v;
+    size_t s = (size_t)i * w->step_u + (size_t)by * w->step_v, pair[2] = {t - w->step_u, t};
+    return sv_prewarp_joined_by(w, pair, by >= 0 && by < w->height, s - w->step_u, s);
 }
 
 static void place_texels(const struct sv_prewarp_work *w, struct sv_prewarp_row *row)
@@ -92,6 +89,7 @@ static void place_texels(const struct sv_prewarp_work *w, struct sv_prewarp_row 
 void sv_prewarp_warp_row(const struct sv_prewarp_work *w, int j, struct sv_prewarp_row *row)
 {
     row->j = j;
+    row->one_sided = false;
     memset(row->count, 0, (size_t)w->out_width * sizeof *row->count);
     place_texels(w, row);
     for (int k = 0; k <= w->width; k++) {
@@ -100,6 +98,7 @@ void sv_prewarp_warp_row(const struct sv_prewarp_work *w, int j, struct sv_prewa
         unsigned whole = 0;
         for (int side = 0; side < 2 && left && right; side++)
             whole |= row->run[side][i] == row->run[side][i - 1] ? 1u << side : 0;
+        row->one_sided |= whole == 1 || whole == 2;
         if (whole)
             put_pair(w, row, i, whole);
         if (whole == 3)
