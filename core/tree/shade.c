@@ -200,3 +200,9 @@ float sv_tree_light_at(const struct sv_tree_light *light, const struct sv_tree_l
                    fmaxf(0, 1 - fabsf(r - (float)j));
     return sum / 255.0f;
 }
+
+float sv_tree_crown_light(float to_sun_z, float facing)
+{
+    float z2 = to_sun_z * to_sun_z;
+    return (0.97f - 0.28f * z2 * z2 * z2) * (1 + 0.32f * expf((facing - 1) * 12.5f));
+}

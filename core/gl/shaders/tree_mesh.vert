@@ -39,7 +39,7 @@ void main()
     sun_open = clamp(dot(turned(model_open.xyz), to_sun.xyz) + model_open.w, 0.0, 1.0); // sv_tree_vertex_open
 #ifdef SHADE
     vec2 at = vec2(dot(across.xyz, p) + across.w, dot(along.xyz, p) + along.w);
-    sun_open *= tree_light(at, first_light, second_light);
+    sun_open = min(sun_open * tree_crown(frame_to_viewer(local)), 1.0) * tree_light(at, first_light, second_light);
 #endif
     id = tree_id;
     gl_Position = clip_from_local * vec4(local, 1.0);

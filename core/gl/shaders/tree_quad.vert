@@ -1,5 +1,8 @@
 // tree_quad.vert - a far tree's quad; corners come ready from core/tree/draw_impostor.c.
 #include "frame.glsl"
+#ifdef SHADE
+#include "tree_light.glsl"
+#endif
 
 layout(location = 0) in vec3 place; // eye-relative
 layout(location = 1) in vec2 cell;
@@ -57,8 +60,9 @@ void main()
 #endif
 #ifdef SHADE
     light_at = light_place;
-    first_light = first_of;
-    second_light = second_of;
+    float crown = tree_crown(frame_to_viewer(place));
+    first_light = first_of * crown;
+    second_light = second_of * crown;
 #endif
     gl_Position = clip_from_local * vec4(place, 1.0);
 }

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -384,6 +385,86 @@ static void drawing_is_deterministic_and_leaves_no_state(void **state)
     fixture_forest_finish(&f);
 }
 
+/* ---- light that arrives ---- */
+
+static double shaded_up_to(void *height, double x, double y)
+{
+    (void)x, (void)y;
+    return *(const double *)height;
+}
+
+static int largest_difference(const struct fixture_view *a, const struct fixture_view *b, int row0, int row1)
+{
+    int most = 0;
+    for (int i = 4 * a->width * row0; i < 4 * a->width * row1; i++)
+        most = abs(a->color[i] - b->color[i]) > most ? abs(a->color[i] - b->color[i]) : most;
+    return most;
+}
+
+/* Sum of linear light. */
+static double light_sum(const struct fixture_view *view)
+{
+    double sum = 0;
+    for (int i = 0; i < 4 * view->width * view->height; i++)
+        sum += i % 4 < 3 ? (double)sv_linear_from_srgb8[view->color[i]] : 0;
+    return sum;
+}
+
+/* A lone tree that stands in the terrain's shadow is drawn as if the sun sent no light; in full sun, as
+ * without shadows but for the crown's own factor (shade.h); in shadow up to its middle, it is the one below
+ * and the other above. In both forms; and without shadows nothing has changed afterwards. */
+static void light_that_arrives_is_light_that_is_seen(void **state)
+{
+    (void)state;
+    enum { SIDE = 240 };
+    static const double up_to[] = {-1, 2, 0.6}; /* heights that the shadow reaches */
+    struct sv_error error;
+    struct sv_tree_shade *shade;
+    struct fixture_single s;
+    struct sv_light light = fixture_light(100, 2), none = light; /* a level sun: rows of light are heights */
+    none.sun_rgb[0] = none.sun_rgb[1] = none.sun_rgb[2] = 0;
+    fixture_single_init(&s, &leafy, &lone);
+    fixture_ok(sv_tree_draw_shade_create(s.draw, &shade, &error), &error);
+    double h = (double)lone.height_m;
+    struct sv_camera c = fixture_camera(sv_vec3(lone.x, lone.y - 3 * h, lone.z + h / 2), 0, 0, SIDE, SIDE);
+    double crown = (double)sv_tree_crown_light((float)light.to_sun.z, (float)-light.to_sun.y);
+    int edge = (int)(0.4 * sv_camera_focal_px(&c) / 3); /* 0.4 heights from the middle, in rows */
+    for (int f = SV_TREE_FORM_POLYGON; f <= SV_TREE_FORM_IMPOSTOR; f++) {
+        struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+        struct fixture_view plain, unlit, seen[3], again;
+        fixture_draw(s.draw, &c, &light, &options, &plain);
+        fixture_draw(s.draw, &c, &none, &options, &unlit);
+        for (int k = 0; k < 3; k++) {
+            double height = lone.z + up_to[k] * h;
+            struct sv_vec3 to_sun = light.to_sun;
+            to_sun.x += 1e-7 * (k + 1 + 3 * f); /* another sun: the terrain is the same for the same one */
+            fixture_ok(sv_tree_shade_update(shade, to_sun, shaded_up_to, &height, &error), &error);
+            options.shade = shade;
+            fixture_draw(s.draw, &c, &light, &options, &seen[k]);
+        }
+        double dark = light_sum(&unlit), share = (light_sum(&seen[0]) - dark) / (light_sum(&plain) - dark);
+        int off = largest_difference(&unlit, &seen[1], 0, SIDE),
+            above = largest_difference(&seen[0], &seen[2], 0, SIDE / 2 - edge),
+            below = largest_difference(&seen[1], &seen[2], SIDE / 2 + edge, SIDE);
+        printf("  form %d: sunlight %.3f (%.3f wanted); all in shadow %d levels off; half: %d, %d\n", f,
+               share, crown, off, above, below);
+        assert_true(fabs(share - crown) < 0.02);
+        /* Light is worked out at polygons' corners: the stem's reach to the middle, into the edge. */
+        assert_true(off <= 1 && above <= 1 && below <= (f == SV_TREE_FORM_POLYGON ? 6 : 1));
+        assert_true(largest_difference(&seen[0], &seen[1], SIDE / 2 + edge, SIDE) > 10);
+        options.shade = NULL;
+        fixture_draw(s.draw, &c, &light, &options, &again);
+        assert_int_equal(largest_difference(&plain, &again, 0, SIDE), 0);
+        fixture_view_finish(&again);
+        fixture_view_finish(&plain);
+        fixture_view_finish(&unlit);
+        for (int k = 0; k < 3; k++)
+            fixture_view_finish(&seen[k]);
+    }
+    sv_tree_shade_destroy(shade);
+    fixture_single_finish(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -396,6 +477,7 @@ int main(void)
         cmocka_unit_test(trees_behind_are_not_drawn),
         cmocka_unit_test(eye_inside_a_crown),
         cmocka_unit_test(drawing_is_deterministic_and_leaves_no_state),
+        cmocka_unit_test(light_that_arrives_is_light_that_is_seen),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -468,8 +468,9 @@ static void forest_init(struct forest *f, const struct sv_tree *trees, uint32_t 
     for (int k = 0; k < 8; k++)
         bounds[k] = (struct sv_crown_bound){k < species_count ? species[k].radius : 1, 1, 0};
     ok(sv_arena_create((size_t)1 << 30, &f->arena, &error), &error);
-    struct sv_tree *copy = sv_arena_copy(f->arena, trees, (count + 1) * sizeof *trees);
+    struct sv_tree *copy = sv_arena_alloc(f->arena, (size_t)count + 1, sizeof *copy);
     assert_non_null(copy);
+    memcpy(copy, trees, count * sizeof *copy);
     ok(sv_forest_build(copy, count, bounds, f->arena, &f->forest, &error), &error);
     ok(sv_tree_shade_create(species, species_count, &f->forest, &f->shade, &error), &error);
 }
