@@ -1,5 +1,6 @@
 # Pre-warp: equations, two-pass warp, the plane drawn by GL, extremes of all relief modules.
-if(TARGET sv_relief_prewarp AND EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/test_prewarp.c)
+if(TARGET sv_relief_prewarp)
+  sv_test(test_prewarp_equations LIBS sv_relief_prewarp sv_base LABELS relief)
   sv_test(test_prewarp SOURCES test_prewarp.c named_reliefs.c ray_march.c LIBS sv_relief_prewarp sv_camera sv_base LABELS relief)
 endif()
 if(TARGET sv_relief_prewarp_draw AND TARGET sv_relief_warp AND TARGET sv_relief_lighting)
