@@ -57,9 +57,10 @@ struct sv_tree_shade;
  * below the ground, or -INFINITY or NaN: nothing does. */
 typedef double (*sv_shade_ground)(void *context, double x, double y);
 
-/* Borrows forest and what species point to for life. Some kB a species at first; an update takes 8 bytes a
- * tree and sun (SV_SHADE_SUNS are kept), 12 bytes a tree and up to 20 MB while it runs. Species that share
- * frames share silhouettes. SV_ENOMEM; SV_EINVAL when a tree is of a species without frames. */
+/* Borrows forest and what species point to for life. An update takes 8 bytes a tree and up to 0.4 MB a
+ * species for each of the SV_SHADE_SUNS that are kept, and 16 bytes a tree and up to 32 MB while it runs.
+ * Species that share frames share silhouettes. SV_ENOMEM; SV_EINVAL when a tree is of a species without
+ * frames. */
 SV_MUST_CHECK enum sv_status sv_tree_shade_create(const struct sv_shade_species *species, int species_count,
                                                   const struct sv_forest *forest,
                                                   struct sv_tree_shade **shade, struct sv_error *error);
