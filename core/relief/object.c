@@ -192,6 +192,7 @@ void sv_relief_object_finish(struct sv_relief_object *object)
     }
     free(object->block);
     free(object->tiles);
+    free(object->normal_block);
     free(object->rim_block);
     *object = (struct sv_relief_object){0};
 }

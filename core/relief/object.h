@@ -43,7 +43,9 @@ struct sv_relief_object {
     uint8_t *keep[SV_RELIEF_FACES];
     void *block;
     struct sv_relief_tile *tile[SV_RELIEF_SHEETS], *tiles; /* object_tiles.c */
-    uint8_t *rims[SV_RELIEF_SHEETS], *rim_block;           /* object_rims.c */
+    int16_t *normals[SV_RELIEF_SHEETS],
+        *normal_block;                           /* likewise: three planes a sheet; NULL for an empty sheet */
+    uint8_t *rims[SV_RELIEF_SHEETS], *rim_block; /* object_rims.c */
 };
 
 /* All reliefs of an object by number: the six faces, then layer after layer what is hidden behind them. */

@@ -17,7 +17,7 @@
 #include "core/relief/object_splat.h"
 
 /* Six faces, then what is hidden behind each. */
-enum { SHEETS = SV_RELIEF_SHEETS, SPANS_MAX = SV_RELIEF_RESOLUTION_MAX / 8 + 1 };
+enum { SHEETS = SV_RELIEF_SHEETS };
 
 struct sv_relief_look {
     const struct sv_relief_object *object;
@@ -27,6 +27,7 @@ struct sv_relief_look {
     const uint8_t (*color[SHEETS])[4]; /* what the last call of _light made: seen or albedo */
     struct sv_relief_shade *shade;
     struct sv_warp_source source[SHEETS];
+    struct sv_relief_span *spans; /* room */
     void *block;
 };
 
@@ -65,13 +66,15 @@ enum sv_status sv_relief_look_create(const struct sv_relief_object *object, stru
     for (int k = 0; k < SHEETS; k++)
         texels += texels_of(sv_relief_sheet(object, k));
     struct sv_relief_look *made = calloc(1, sizeof *made);
+    struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
     void *block = malloc(texels * 9);
-    if (!made || !block) {
+    if (!made || !block || !spans) {
         free(made);
         free(block);
+        free(spans);
         return sv_fail(error, SV_ENOMEM, "look", "no memory for %zu texels", texels);
     }
-    *made = (struct sv_relief_look){.object = object, .block = block};
+    *made = (struct sv_relief_look){.object = object, .spans = spans, .block = block};
     borrow_faces(made);
     enum sv_status status = sv_relief_shade_create(object, &made->shade, error);
     if (status == SV_OK)
@@ -86,6 +89,7 @@ void sv_relief_look_destroy(struct sv_relief_look *look)
     if (!look)
         return;
     sv_relief_shade_destroy(look->shade);
+    free(look->spans);
     free(look->block);
     free(look);
 }
@@ -236,8 +240,10 @@ static uint32_t close_gaps(struct sv_warp_buffer *b)
             int empty = empty4(t);
             if (!empty)
                 continue;
-            int across = (empty4(t - 1) & empty4(t - 2)) | (empty4(t + 1) & empty4(t + 2));
-            int along = (empty4(t - w) & empty4(t - 2 * w)) | (empty4(t + w) & empty4(t + 2 * w));
+            int along = (empty4(t - w) & empty4(t - 2 * w)) | (empty4(t + w) & empty4(t + 2 * w)),
+                across = 15;
+            if (empty != 15) /* four empty ones side by side are no gap in the row */
+                across = (empty4(t - 1) & empty4(t - 2)) | (empty4(t + 1) & empty4(t + 2));
             for (int gaps = empty & ~(across & along), k = 0; gaps >> k; k++) {
                 if (!(gaps >> k & 1))
                     continue;
@@ -267,7 +273,7 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
     sv_warp_clear(buffer);
     bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
     for (int k = 0; k < SHEETS; k++) {
-        struct sv_relief_span spans[SPANS_MAX];
+        struct sv_relief_span *spans = look->spans;
         struct sv_warp_source *source = &look->source[count];
         int spanned = 0;
         if (faces >> k % SV_RELIEF_FACES & 1)
@@ -275,7 +281,8 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
         if (spanned == 0)
             continue;
         make_source(look, k, place, camera, shift_x_px, shift_y_px, source);
-        sv_relief_splat(source, count++, look->object->rims[k], spans, spanned, buffer, stats);
+        struct sv_relief_facing facing = sv_relief_object_facing(look->object, k, eye, is_place);
+        sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned, buffer, stats);
     }
     stats->holes += close_gaps(buffer);
     *sources = look->source;

@@ -4,7 +4,7 @@
  * quarter (warp.h). A quarter is not needed where full cells of another sheet show the surface there: at the
  * middles of its two outer edges and at its outer corner, within a texel. What is left are the rims of flat
  * faces (a box's edges), and steps. */
-#include "core/relief/object.h"
+#include "core/relief/object_splat.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -94,16 +94,17 @@ static bool best_here(const struct sv_relief_object *object, int sheet, int i, i
            keep[width] > SV_RELIEF_KEPT_SPARE || keep[width + 1] > SV_RELIEF_KEPT_SPARE;
 }
 
-static bool needed(const struct sv_relief_object *object, int sheet, int i, int j)
+static uint8_t needed(const struct sv_relief_object *object, int sheet, int i, int j)
 {
     float t[4];
     if (full(object, sheet, i, j, t))
-        return sheet >= SV_RELIEF_FACES || best_here(object, sheet, i, j);
+        return sheet >= SV_RELIEF_FACES || best_here(object, sheet, i, j) ? SV_RELIEF_CELL_FULL
+                                                                          : SV_RELIEF_CELL_SPARE;
     for (int k = 0; k < 4; k++)
         if (kept(object, sheet, i + (k & 1), j + (k >> 1)) &&
             quarter_needed(object, sheet, i + (k & 1), j + (k >> 1), k & 1 ? -1 : 1, k >> 1 ? -1 : 1))
-            return true;
-    return false;
+            return SV_RELIEF_CELL_RIM;
+    return SV_RELIEF_CELL_SPARE;
 }
 
 enum sv_status sv_relief_object_rim(struct sv_relief_object *object, struct sv_error *error)
@@ -123,7 +124,7 @@ enum sv_status sv_relief_object_rim(struct sv_relief_object *object, struct sv_e
         object->rims[k] = at;
         for (int j = -1; j < r->height; j++)
             for (int i = -1; i < r->width; i++)
-                *at++ = r->solid_count && needed(object, k, i, j) ? 1 : 0;
+                *at++ = r->solid_count ? needed(object, k, i, j) : SV_RELIEF_CELL_SPARE;
     }
     return SV_OK;
 }

@@ -29,8 +29,9 @@
 
 struct sv_relief_shade {
     const struct sv_relief_object *object;
-    struct sv_warp_buffer map; /* depth: 1 at the light's side of the body, 0 on the other */
-    float *incoming;           /* of one face */
+    struct sv_warp_buffer map;    /* depth: 1 at the light's side of the body, 0 on the other */
+    float *incoming;              /* of one face */
+    struct sv_relief_span *spans; /* room */
 };
 
 /* Side of the map: the box's diagonal in texels, and a free pixel on each side. */
@@ -51,12 +52,14 @@ enum sv_status sv_relief_shade_create(const struct sv_relief_object *object, str
         largest = texels > largest ? texels : largest;
     }
     float *incoming = malloc(largest * sizeof *incoming);
-    if (!made || !incoming) {
+    struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
+    if (!made || !incoming || !spans) {
         free(made);
         free(incoming);
+        free(spans);
         return sv_fail(error, SV_ENOMEM, "shade", "no memory for shadows of %zu texels", largest);
     }
-    *made = (struct sv_relief_shade){.object = object, .incoming = incoming};
+    *made = (struct sv_relief_shade){.object = object, .incoming = incoming, .spans = spans};
     int side = map_side(object);
     enum sv_status status = sv_warp_buffer_create(side, side, &made->map, error);
     if (status == SV_OK)
@@ -73,6 +76,7 @@ void sv_relief_shade_destroy(struct sv_relief_shade *shade)
     if (shade->map.depth)
         sv_warp_buffer_finish(&shade->map);
     free(shade->incoming);
+    free(shade->spans);
     free(shade);
 }
 
@@ -115,8 +119,7 @@ static void draw_map(struct sv_relief_shade *shade, const struct sv_relief sheet
     struct sv_warp_stats stats = {0};
     sv_warp_clear(&shade->map);
     for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        struct sv_relief_span spans[SV_RELIEF_RESOLUTION_MAX / 8 + 1];
-        int count = sv_relief_object_spans(shade->object, k, to_sun, false, spans);
+        int count = sv_relief_object_spans(shade->object, k, to_sun, false, shade->spans);
         struct sv_warp_source source = {.width = sheet[k].width,
                                         .height = sheet[k].height,
                                         .t = sheet[k].displ,
@@ -125,7 +128,9 @@ static void draw_map(struct sv_relief_shade *shade, const struct sv_relief sheet
         for (int r = 0; r < 3; r++)
             along(&sheet[k].frame, view->axis[r], view->at[r], source.map.m[r]);
         source.map.m[3][3] = 1;
-        sv_relief_splat(&source, (unsigned)k, shade->object->rims[k], spans, count, &shade->map, &stats);
+        struct sv_relief_facing facing = sv_relief_object_facing(shade->object, k, to_sun, false);
+        sv_relief_splat(&source, (unsigned)k, shade->object->rims[k], &facing, shade->spans, count,
+                        &shade->map, &stats);
     }
 }
 

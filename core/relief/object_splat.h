@@ -11,15 +11,28 @@ struct sv_relief_span {
     int row0, row1, column0, column1;
 };
 
-/* Spans of a sheet that hold all of it that may face an eye (a place of model space, or a unit direction): at
- * most (height + 7) / 8 of them, by rows. Returns how many. */
+/* Spans of a sheet that hold all of it that may face an eye (a place of model space, or a unit direction):
+ * blocks of tiles. Returns how many, at most spans_max of the object. */
+int sv_relief_object_spans_max(const struct sv_relief_object *object);
 int sv_relief_object_spans(const struct sv_relief_object *object, int sheet, struct sv_vec3 eye,
                            bool is_place, struct sv_relief_span *spans);
 
-/* As sv_warp_splat, within the spans. rims: (width + 1) * (height + 1) bytes, of the cells whose upper left
- * texel is (i - 1, j - 1): 0 where a cell need not be drawn (it may be). */
+/* rims: what a cell is that must be drawn. */
+enum { SV_RELIEF_CELL_SPARE, SV_RELIEF_CELL_FULL, SV_RELIEF_CELL_RIM };
+
+/* An eye in the axes of a sheet, and the sheet's normals. */
+struct sv_relief_facing {
+    const int16_t *normal[3]; /* by u, v, f; width * height */
+    float eye[3];             /* from the sheet's origin, model space; or the direction to it */
+    float pitch, near;        /* side of a texel, 1; 0, 0 for a direction */
+};
+struct sv_relief_facing sv_relief_object_facing(const struct sv_relief_object *object, int sheet,
+                                                struct sv_vec3 eye, bool is_place);
+
+/* As sv_warp_splat, within the spans, of what faces the eye. rims: (width + 1) * (height + 1) bytes, of the
+ * cells whose upper left texel is (i - 1, j - 1): CELL_SPARE where it need not be drawn (it may be). */
 void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint8_t *rims,
-                     const struct sv_relief_span *spans, int span_count, struct sv_warp_buffer *buffer,
-                     struct sv_warp_stats *stats);
+                     const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
+                     int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats);
 
 #endif

@@ -16,8 +16,8 @@ enum { SIDE = 8 }; /* texels of a tile */
 
 struct sv_relief_tile {
     struct sv_vec3 middle, axis;
-    double radius,
-        spread; /* of the ball, model space; half angle of the cone, rad; spread < 0: nothing is kept */
+    double radius, spread; /* of the ball, model space; half angle of the cone, rad; < 0: nothing is kept */
+    double sine, cosine;   /* of spread; 1, 0 from 90 degrees on */
 };
 
 static int across(const struct sv_relief *r)
@@ -69,7 +69,9 @@ static struct sv_relief_tile measure(const struct sv_relief_object *object, int 
             if (kept(object, sheet, k))
                 t.spread = fmax(t.spread, acos(sv_clamp(sv_dot(normal_of(r, k), t.axis), -1, 1)));
         }
-    t.spread += NORMAL_SLACK;
+    t.spread = fmin(t.spread + NORMAL_SLACK, SV_PI / 2);
+    t.sine = sin(t.spread);
+    t.cosine = t.spread < SV_PI / 2 ? cos(t.spread) : 0;
     t.middle =
         sv_relief_point(&r->frame, 0.5 * (column + i1), 0.5 * (row + j1), 0.5 * (double)(nearest + farthest));
     double half_u = 0.5 * (i1 - column) * sv_length(r->frame.a),
@@ -79,9 +81,32 @@ static struct sv_relief_tile measure(const struct sv_relief_object *object, int 
     return t;
 }
 
+/* Normals plane by plane, so that a row of them is tested at once. */
+static bool split_normals(struct sv_relief_object *object)
+{
+    size_t texels = 0;
+    for (int k = 0; k < SV_RELIEF_SHEETS; k++) {
+        const struct sv_relief *r = sv_relief_sheet(object, k);
+        texels += r->solid_count ? (size_t)r->width * (size_t)r->height : 0;
+    }
+    int16_t *at = malloc((3 * texels + 1) * sizeof *at);
+    free(object->normal_block);
+    object->normal_block = at;
+    for (int k = 0; at && k < SV_RELIEF_SHEETS; k++) {
+        const struct sv_relief *r = sv_relief_sheet(object, k);
+        object->normals[k] = r->solid_count ? at : NULL;
+        for (int axis = 0; r->solid_count && axis < 3; axis++)
+            for (size_t i = 0; i < (size_t)r->width * (size_t)r->height; i++)
+                *at++ = r->normal[i][axis];
+    }
+    return at != NULL;
+}
+
 enum sv_status sv_relief_object_tile(struct sv_relief_object *object, struct sv_error *error)
 {
     size_t count = 0;
+    if (!split_normals(object))
+        return sv_fail(error, SV_ENOMEM, "object", "no memory for normals");
     for (int k = 0; k < SV_RELIEF_SHEETS; k++)
         count += (size_t)across(sv_relief_sheet(object, k)) * (size_t)down(sv_relief_sheet(object, k));
     struct sv_relief_tile *tile = malloc(count * sizeof *tile);
@@ -105,12 +130,39 @@ static bool may_face(const struct sv_relief_tile *t, struct sv_vec3 eye, bool is
     if (t->spread < 0)
         return false;
     struct sv_vec3 to_eye = is_place ? sv_sub(eye, t->middle) : eye;
-    double distance = sv_length(to_eye), spread = t->spread;
-    if (is_place && distance <= t->radius)
+    double square = sv_dot(to_eye, to_eye), along = sv_dot(t->axis, to_eye), ball = is_place ? t->radius : 0;
+    if (square <= ball * ball)
         return true;
-    if (is_place)
-        spread += asin(t->radius / distance);
-    return spread >= SV_PI / 2 || sv_dot(t->axis, to_eye) > -sin(spread) * distance;
+    /* along > -distance sin(spread + ball's half angle), the sum below 90 degrees. */
+    double clear = sqrt(square - ball * ball), bound = t->sine * clear + t->cosine * ball;
+    return t->cosine * clear <= t->sine * ball || along > -bound;
+}
+
+struct sv_relief_facing sv_relief_object_facing(const struct sv_relief_object *object, int sheet,
+                                                struct sv_vec3 eye, bool is_place)
+{
+    const struct sv_relief *r = sv_relief_sheet(object, sheet);
+    size_t texels = (size_t)r->width * (size_t)r->height;
+    double pitch = sv_length(r->frame.a);
+    struct sv_vec3 e = is_place ? sv_sub(eye, r->frame.origin) : eye;
+    struct sv_relief_facing f = {.pitch = is_place ? (float)pitch : 0, .near = is_place ? 1 : 0};
+    f.eye[0] = (float)(sv_dot(e, r->frame.a) / pitch);
+    f.eye[1] = (float)(sv_dot(e, r->frame.b) / pitch);
+    f.eye[2] = (float)sv_dot(e, r->frame.f);
+    for (int axis = 0; axis < 3; axis++)
+        f.normal[axis] = object->normals[sheet] ? object->normals[sheet] + (size_t)axis * texels : NULL;
+    return f;
+}
+
+int sv_relief_object_spans_max(const struct sv_relief_object *object)
+{
+    int most = 1;
+    for (int k = 0; k < SV_RELIEF_SHEETS; k++) {
+        const struct sv_relief *r = sv_relief_sheet(object, k);
+        int runs = (across(r) + 1) / 2 * down(r);
+        most = runs > most ? runs : most;
+    }
+    return most;
 }
 
 int sv_relief_object_spans(const struct sv_relief_object *object, int sheet, struct sv_vec3 eye,
@@ -119,18 +171,26 @@ int sv_relief_object_spans(const struct sv_relief_object *object, int sheet, str
     const struct sv_relief *r = sv_relief_sheet(object, sheet);
     const struct sv_relief_tile *tile = object->tile[sheet];
     int columns = across(r), rows = down(r), count = 0;
-    for (int j = 0; r->solid_count && j < rows; j++, tile += columns) {
-        int low = 0, high = columns - 1;
-        while (low < columns && !may_face(&tile[low], eye, is_place))
-            low++;
-        while (high > low && !may_face(&tile[high], eye, is_place))
-            high--;
-        if (low == columns)
-            continue;
-        int row1 = (j + 1) * SIDE < r->height ? (j + 1) * SIDE : r->height;
-        int column1 = (high + 1) * SIDE < r->width ? (high + 1) * SIDE : r->width;
-        spans[count++] = (struct sv_relief_span){j * SIDE, row1, low * SIDE, column1};
-    }
+    for (int j = 0; r->solid_count && j < rows; j++, tile += columns)
+        for (int i = 0; i < columns; i++) {
+            int low = i;
+            while (i < columns && may_face(&tile[i], eye, is_place))
+                i++;
+            if (i == low)
+                continue;
+            int row1 = (j + 1) * SIDE < r->height ? (j + 1) * SIDE : r->height;
+            int column1 = i * SIDE < r->width ? i * SIDE : r->width;
+            struct sv_relief_span span = {j * SIDE, row1, low * SIDE, column1};
+            int above = count - 1; /* of the tile row above, if it is the same block */
+            while (above >= 0 && spans[above].row1 >= span.row0 &&
+                   !(spans[above].row1 == span.row0 && spans[above].column0 == span.column0 &&
+                     spans[above].column1 == span.column1))
+                above--;
+            if (above >= 0 && spans[above].row1 == span.row0)
+                spans[above].row1 = span.row1;
+            else
+                spans[count++] = span;
+        }
     return count;
 }
 

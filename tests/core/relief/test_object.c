@@ -383,7 +383,8 @@ static void test_faces(void **state)
         unsigned faces = sv_relief_object_seen_from(&b->object, eye, is_place);
         for (int k = 0; k < SV_RELIEF_SHEETS; k++) {
             const struct sv_relief *r = sv_relief_sheet(&b->object, k);
-            struct sv_relief_span spans[SV_RELIEF_RESOLUTION_MAX / 8 + 1];
+            struct sv_relief_span *spans =
+                must(malloc((size_t)sv_relief_object_spans_max(&b->object) * sizeof *spans));
             uint8_t *in = must(calloc((size_t)r->width, (size_t)r->height));
             int count = sv_relief_object_spans(&b->object, k, eye, is_place, spans);
             spared += r->width * r->height;
@@ -404,6 +405,7 @@ static void test_faces(void **state)
                     assert_true(faces >> k % SV_RELIEF_FACES & 1);
                 }
             free(in);
+            free(spans);
         }
     }
     printf("faces: %ld texels towards eyes, all in; %ld texels spared\n", checked, spared);
