@@ -213,6 +213,13 @@ static int empty4(const uint32_t *texel)
     return _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(held, _mm_set1_epi32(-1))));
 }
 
+/* Bit k: pixel k of four is in no gap of one or two along `step`. */
+static int no_gap(const uint32_t *t, size_t step)
+{
+    int before = empty4(t - step), after = empty4(t + step);
+    return (before & empty4(t - 2 * step)) | (after & empty4(t + 2 * step)) | (before & after);
+}
+
 /* The farther of two surfaces beside an empty pixel goes on into it. */
 static void close_pixel(struct sv_warp_buffer *b, size_t p, size_t q, size_t r)
 {
@@ -220,6 +227,23 @@ static void close_pixel(struct sv_warp_buffer *b, size_t p, size_t q, size_t r)
     b->depth[p] = b->depth[from];
     b->place[p] = b->place[from];
     b->texel[p] = b->texel[from];
+}
+
+/* Neighbours of a pixel that was closed that now have something on all sides. */
+static uint32_t close_around(struct sv_warp_buffer *b, size_t p)
+{
+    const size_t w = (size_t)b->width, beside[4] = {p - 1, p + 1, p - w, p + w};
+    const uint32_t *t = b->texel;
+    uint32_t closed = 0;
+    for (int k = 0; k < 4; k++) {
+        size_t q = beside[k];
+        if (t[q] != SV_WARP_EMPTY || t[q - 1] == SV_WARP_EMPTY || t[q + 1] == SV_WARP_EMPTY ||
+            t[q - w] == SV_WARP_EMPTY || t[q + w] == SV_WARP_EMPTY)
+            continue;
+        close_pixel(b, q, q - 1, q + 1);
+        closed++;
+    }
+    return closed;
 }
 
 /* Gaps of one or two pixels along a row or a column, between two faces' borders: rounding of what meets
@@ -240,10 +264,9 @@ static uint32_t close_gaps(struct sv_warp_buffer *b)
             int empty = empty4(t);
             if (!empty)
                 continue;
-            int along = (empty4(t - w) & empty4(t - 2 * w)) | (empty4(t + w) & empty4(t + 2 * w)),
-                across = 15;
+            int along = no_gap(t, w), across = 15;
             if (empty != 15) /* four empty ones side by side are no gap in the row */
-                across = (empty4(t - 1) & empty4(t - 2)) | (empty4(t + 1) & empty4(t + 2));
+                across = no_gap(t, 1);
             for (int gaps = empty & ~(across & along), k = 0; gaps >> k; k++) {
                 if (!(gaps >> k & 1))
                     continue;
@@ -251,7 +274,7 @@ static uint32_t close_gaps(struct sv_warp_buffer *b)
                 size_t before = b->texel[p - step] != SV_WARP_EMPTY ? p - step : p - 2 * step;
                 size_t after = b->texel[p + step] != SV_WARP_EMPTY ? p + step : p + 2 * step;
                 close_pixel(b, p, before, after);
-                closed++;
+                closed += 1 + close_around(b, p);
             }
         }
     return closed;

@@ -16,7 +16,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/base/simd.h"
 #include "core/relief/cast.h"
+#include "core/relief/object_lookup.h"
 #include "core/relief/object_splat.h"
 #include "core/relief/row_front.h"
 #include "core/relief/self_shadow.h"
@@ -27,12 +29,110 @@
 #define CREVICE_MIN 0.75
 #define CREVICE_MAX 3.0
 
+/* A face at half its resolution: enough for what it casts, at a quarter of the cost. Texel (i, j) is the
+ * face's (2 i, 2 j). */
+struct caster {
+    struct sv_relief_frame frame; /* model space */
+    int width, height;
+    float *displ;
+    uint8_t (*color)[4];
+    int16_t *normal[3];
+    uint8_t *rims;
+    float cut;
+};
+
 struct sv_relief_shade {
     const struct sv_relief_object *object;
-    struct sv_warp_buffer map;    /* depth: 1 at the light's side of the body, 0 on the other */
-    float *incoming;              /* of one face */
-    struct sv_relief_span *spans; /* room */
+    struct caster caster[SV_RELIEF_FACES];
+    void *casters;             /* their arrays */
+    struct sv_warp_buffer map; /* depth: 1 at the light's side of the body, 0 on the other */
+    float *incoming;           /* of one face */
 };
+
+static bool kept(const struct sv_relief_object *object, int face, int i, int j)
+{
+    const struct sv_relief *r = &object->face[face];
+    size_t k = (size_t)j * (size_t)r->width + (size_t)i;
+    return i < r->width && j < r->height && object->keep[face][k] && sv_relief_solid(r, k);
+}
+
+/* What a cell of a caster is: full, or a rim where the face itself has one. */
+static uint8_t cell_of(const struct sv_relief_object *object, int face, const struct caster *c, int i, int j)
+{
+    const struct sv_relief *r = &object->face[face];
+    bool full = true;
+    float t[4] = {0, 0, 0, 0};
+    for (int k = 0; k < 4; k++) {
+        int x = i + (k & 1), y = j + (k >> 1);
+        size_t at = (size_t)y * (size_t)c->width + (size_t)x;
+        full = full && x >= 0 && y >= 0 && x < c->width && y < c->height && c->color[at][3];
+        t[k] = full ? c->displ[at] : 0;
+    }
+    if (full && fabsf(t[0] - t[1]) <= c->cut && fabsf(t[2] - t[3]) <= c->cut &&
+        fabsf(t[0] - t[2]) <= c->cut && fabsf(t[1] - t[3]) <= c->cut)
+        return SV_RELIEF_CELL_FULL;
+    for (int y = 2 * j + 1; y <= 2 * j + 2; y++) /* cells of the face have their upper left texel one less */
+        for (int x = 2 * i + 1; x <= 2 * i + 2; x++)
+            if (x >= 0 && y >= 0 && x <= r->width && y <= r->height &&
+                object->rims[face][(size_t)y * (size_t)(r->width + 1) + (size_t)x] == SV_RELIEF_CELL_RIM)
+                return SV_RELIEF_CELL_RIM;
+    return SV_RELIEF_CELL_SPARE;
+}
+
+static void fill_caster(const struct sv_relief_object *object, int face, struct caster *c)
+{
+    const struct sv_relief *r = &object->face[face];
+    c->cut = 2 * r->cut;
+    c->frame = r->frame;
+    c->frame.a = sv_scale(r->frame.a, 2);
+    c->frame.b = sv_scale(r->frame.b, 2);
+    c->frame.origin = sv_madd(sv_madd(r->frame.origin, r->frame.a, -0.5), r->frame.b, -0.5);
+    for (int j = 0; j < c->height; j++)
+        for (int i = 0; i < c->width; i++) {
+            size_t to = (size_t)j * (size_t)c->width + (size_t)i;
+            size_t from = (size_t)(2 * j) * (size_t)r->width + (size_t)(2 * i);
+            bool any = kept(object, face, 2 * i, 2 * j) || kept(object, face, 2 * i + 1, 2 * j) ||
+                       kept(object, face, 2 * i, 2 * j + 1) || kept(object, face, 2 * i + 1, 2 * j + 1);
+            c->displ[to] = r->displ[from];
+            memset(c->color[to], any && sv_relief_solid(r, from) ? 255 : 0, 4);
+            for (int k = 0; k < 3; k++)
+                c->normal[k][to] = r->normal[from][k];
+        }
+    for (int j = -1; j < c->height; j++)
+        for (int i = -1; i < c->width; i++)
+            c->rims[(size_t)(j + 1) * (size_t)(c->width + 1) + (size_t)(i + 1)] =
+                cell_of(object, face, c, i, j);
+}
+
+enum { CASTER_BYTES = sizeof(float) + 4 + 3 * sizeof(int16_t) }; /* a texel, without its cell */
+
+static bool make_casters(struct sv_relief_shade *shade)
+{
+    size_t bytes = 0, texels, cells;
+    for (int k = 0; k < SV_RELIEF_FACES; k++) {
+        struct caster *c = &shade->caster[k];
+        c->width = (shade->object->face[k].width + 1) / 2;
+        c->height = (shade->object->face[k].height + 1) / 2;
+        texels = (size_t)c->width * (size_t)c->height;
+        cells = (size_t)(c->width + 1) * (size_t)(c->height + 1);
+        bytes += texels * CASTER_BYTES + cells + 16;
+    }
+    uint8_t *at = shade->casters = malloc(bytes);
+    for (int k = 0; at && k < SV_RELIEF_FACES; k++) {
+        struct caster *c = &shade->caster[k];
+        texels = (size_t)c->width * (size_t)c->height;
+        cells = (size_t)(c->width + 1) * (size_t)(c->height + 1);
+        c->displ = (float *)(void *)at;
+        c->color = (uint8_t(*)[4])(void *)(c->displ + texels);
+        c->normal[0] = (int16_t *)(void *)(c->color + texels);
+        c->normal[1] = c->normal[0] + texels;
+        c->normal[2] = c->normal[1] + texels;
+        c->rims = (uint8_t *)(c->normal[2] + texels);
+        fill_caster(shade->object, k, c);
+        at += (texels * CASTER_BYTES + cells + 15) / 16 * 16;
+    }
+    return shade->casters != NULL;
+}
 
 /* Side of the map: the box's diagonal in texels, and a free pixel on each side. */
 static int map_side(const struct sv_relief_object *object)
@@ -52,16 +152,16 @@ enum sv_status sv_relief_shade_create(const struct sv_relief_object *object, str
         largest = texels > largest ? texels : largest;
     }
     float *incoming = malloc(largest * sizeof *incoming);
-    struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
-    if (!made || !incoming || !spans) {
+    if (!made || !incoming) {
         free(made);
         free(incoming);
-        free(spans);
         return sv_fail(error, SV_ENOMEM, "shade", "no memory for shadows of %zu texels", largest);
     }
-    *made = (struct sv_relief_shade){.object = object, .incoming = incoming, .spans = spans};
+    *made = (struct sv_relief_shade){.object = object, .incoming = incoming};
     int side = map_side(object);
     enum sv_status status = sv_warp_buffer_create(side, side, &made->map, error);
+    if (status == SV_OK && !make_casters(made))
+        status = sv_fail(error, SV_ENOMEM, "shade", "no memory for casters of %zu texels", largest);
     if (status == SV_OK)
         *shade = made;
     else
@@ -76,7 +176,7 @@ void sv_relief_shade_destroy(struct sv_relief_shade *shade)
     if (shade->map.depth)
         sv_warp_buffer_finish(&shade->map);
     free(shade->incoming);
-    free(shade->spans);
+    free(shade->casters);
     free(shade);
 }
 
@@ -113,91 +213,81 @@ static void along(const struct sv_relief_frame *f, struct sv_vec3 axis, double a
     row[3] = sv_dot(axis, f->origin) + at;
 }
 
-static void draw_map(struct sv_relief_shade *shade, const struct sv_relief sheet[SV_RELIEF_SHEETS],
-                     const struct light_view *view, struct sv_vec3 to_sun)
+static void draw_map(struct sv_relief_shade *shade, const struct light_view *view, struct sv_vec3 to_sun)
 {
     struct sv_warp_stats stats = {0};
     sv_warp_clear(&shade->map);
     for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        int count = sv_relief_object_spans(shade->object, k, to_sun, false, shade->spans);
-        struct sv_warp_source source = {.width = sheet[k].width,
-                                        .height = sheet[k].height,
-                                        .t = sheet[k].displ,
-                                        .color = (const uint8_t(*)[4])sheet[k].color,
-                                        .cut = sheet[k].cut};
+        const struct caster *c = &shade->caster[k];
+        struct sv_vec3 sun = in_frame(&c->frame, to_sun);
+        struct sv_relief_facing facing = {.normal = {c->normal[0], c->normal[1], c->normal[2]},
+                                          .eye = {(float)sun.x, (float)sun.y, (float)sun.z}};
+        const struct sv_relief_span all = {0, c->height, 0, c->width};
+        struct sv_warp_source source = {.width = c->width,
+                                        .height = c->height,
+                                        .t = c->displ,
+                                        .color = (const uint8_t(*)[4])c->color,
+                                        .cut = c->cut};
         for (int r = 0; r < 3; r++)
-            along(&sheet[k].frame, view->axis[r], view->at[r], source.map.m[r]);
+            along(&c->frame, view->axis[r], view->at[r], source.map.m[r]);
         source.map.m[3][3] = 1;
-        struct sv_relief_facing facing = sv_relief_object_facing(shade->object, k, to_sun, false);
-        sv_relief_splat(&source, (unsigned)k, shade->object->rims[k], &facing, shade->spans, count,
-                        &shade->map, &stats);
+        if (shade->object->face[k].solid_count)
+            sv_relief_splat(&source, (unsigned)k, c->rims, &facing, &all, 1, &shade->map, &stats);
     }
 }
 
-/* Share of the light that passes at (x, y): four comparisons, bilinear. */
-static float passes(const struct sv_warp_buffer *map, float x, float y, float d)
+/* Shadow heights along the face (row_front.h), in shade->incoming; false when light comes from behind the
+ * face: what is lit there slants over its rim, and only the map knows it. */
+static bool run_front(struct sv_relief_shade *shade, const struct sv_relief *face, struct sv_vec3 to_sun,
+                      enum sv_status *status, struct sv_error *error)
 {
-    x -= 0.5f, y -= 0.5f;
-    if (!(x >= 0 && y >= 0 && x < (float)(map->width - 1) && y < (float)(map->height - 1)))
-        return 1;
-    int i = (int)x, j = (int)y;
-    float fx = x - (float)i, fy = y - (float)j;
-    const float *p = map->depth + (size_t)j * (size_t)map->width + (size_t)i, *q = p + map->width;
-    float upper = (d >= p[0] ? 1 - fx : 0) + (d >= p[1] ? fx : 0);
-    float lower = (d >= q[0] ? 1 - fx : 0) + (d >= q[1] ? fx : 0);
-    return upper + (lower - upper) * fy;
-}
-
-static void look_up(const struct sv_relief_shade *shade, const struct sv_relief *sheet,
-                    const struct light_view *view, uint8_t *lit)
-{
-    double m[3][4];
-    float f[3][4], n[3][3];
-    double offset = OFFSET_TEXELS * shade->object->texel, pitch = sv_length(sheet->frame.a);
-    for (int r = 0; r < 3; r++) {
-        along(&sheet->frame, view->axis[r], view->at[r], m[r]);
-        for (int k = 0; k < 4; k++)
-            f[r][k] = (float)m[r][k];
-        for (int k = 0; k < 3; k++) /* what the offset along the normal adds */
-            n[r][k] = (float)(m[r][k] * offset / ((k < 2 ? pitch : 1) * 32767));
-    }
-    for (int j = 0; j < sheet->height; j++)
-        for (int i = 0; i < sheet->width; i++) {
-            size_t t = (size_t)j * (size_t)sheet->width + (size_t)i;
-            lit[t] = 255;
-            if (sheet->color[t][3] < 128)
-                continue;
-            float u = (float)i + 0.5f, v = (float)j + 0.5f, h = sheet->displ[t], at[3];
-            const int16_t *normal = sheet->normal[t];
-            for (int r = 0; r < 3; r++)
-                at[r] = f[r][3] + f[r][0] * u + f[r][1] * v + f[r][2] * h + n[r][0] * normal[0] +
-                        n[r][1] * normal[1] + n[r][2] * normal[2];
-            lit[t] = (uint8_t)(255 * passes(&shade->map, at[0], at[1], at[2]) + 0.5f);
-        }
-}
-
-static enum sv_status darken_crevices(struct sv_relief_shade *shade, const struct sv_relief *face,
-                                      struct sv_vec3 to_sun, uint8_t *lit, struct sv_error *error)
-{
-    struct sv_vec3 travel = in_frame(&face->frame, sv_scale(to_sun, -1));
-    if (travel.z >
-        0) /* from behind the face: what is lit there, slants over its rim, and only the map knows it */
-        return SV_OK;
     struct sv_row_front front = {.width = face->width,
                                  .height = face->height,
                                  .dx = sv_length(face->frame.a),
                                  .dy = sv_length(face->frame.b),
-                                 .travel = travel,
+                                 .travel = in_frame(&face->frame, sv_scale(to_sun, -1)),
                                  .height_m = face->displ};
-    enum sv_status status = sv_row_front(&front, NULL, shade->incoming, NULL, error);
-    float low = (float)(CREVICE_MIN * shade->object->texel),
-          high = (float)(CREVICE_MAX * shade->object->texel);
-    size_t texels = (size_t)face->width * (size_t)face->height;
-    for (size_t t = 0; status == SV_OK && t < texels; t++) {
-        float depth = shade->incoming[t] - face->displ[t];
-        lit[t] = depth > low && depth < high ? 0 : lit[t];
+    if (front.travel.z > 0)
+        return false;
+    *status = sv_row_front(&front, NULL, shade->incoming, NULL, error);
+    return *status == SV_OK;
+}
+
+/* Sheet k against the map, and against its own front where there is one. */
+static void look_up(const struct sv_relief_shade *shade, int k, const struct sv_relief *sheet,
+                    const struct light_view *view, struct sv_vec3 to_sun, const float *incoming, uint8_t *lit)
+{
+    const struct sv_relief_object *object = shade->object;
+    double offset = OFFSET_TEXELS * object->texel, pitch = sv_length(sheet->frame.a);
+    struct sv_relief_lookup how = {.depth = shade->map.depth,
+                                   .width = shade->map.width,
+                                   .height = shade->map.height,
+                                   .low = (float)(CREVICE_MIN * object->texel),
+                                   .high = (float)(CREVICE_MAX * object->texel)};
+    struct sv_vec3 sun = in_frame(&sheet->frame, to_sun);
+    how.sun[0] = (float)sun.x, how.sun[1] = (float)sun.y, how.sun[2] = (float)sun.z;
+    for (int r = 0; r < 3; r++) {
+        double m[4];
+        along(&sheet->frame, view->axis[r], view->at[r] - (r < 2 ? 0.5 : 0), m);
+        for (int c = 0; c < 4; c++)
+            how.at[r][c] = (float)m[c];
+        for (int c = 0; c < 3; c++)
+            how.offset[r][c] = (float)(m[c] * offset / ((c < 2 ? pitch : 1) * 32767));
     }
-    return status;
+    bool wide = sv_simd_level() >= SV_SIMD_AVX2;
+    size_t texels = (size_t)sheet->width * (size_t)sheet->height;
+    for (int j = 0; j < sheet->height; j++) {
+        size_t at = (size_t)j * (size_t)sheet->width;
+        struct sv_relief_lookup_row row = {.displ = sheet->displ + at,
+                                           .incoming = incoming ? incoming + at : NULL,
+                                           .color = (const uint8_t(*)[4])sheet->color + at,
+                                           .row = j,
+                                           .n = sheet->width,
+                                           .lit = lit + at};
+        for (int c = 0; c < 3; c++)
+            row.normal[c] = object->normals[k] + (size_t)c * texels + at;
+        sv_relief_lookup_scalar(&how, &row, wide ? sv_relief_lookup_avx2(&how, &row) : 0);
+    }
 }
 
 /* 3.3.2 as the paper has it, between the six faces: adds to the shadow texture of one of them. */
@@ -256,13 +346,12 @@ enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade,
         return sweep(shade, sheet, to_sun, faces, lit, error);
     struct light_view view = light_view(shade->object, to_sun, shade->map.width);
     enum sv_status status = SV_OK;
-    draw_map(shade, sheet, &view, to_sun);
+    draw_map(shade, &view, to_sun);
     for (int k = 0; status == SV_OK && k < SV_RELIEF_SHEETS; k++) {
         if (!(faces >> k % SV_RELIEF_FACES & 1) || !sheet[k].solid_count)
             continue;
-        look_up(shade, &sheet[k], &view, lit[k]);
-        if (k < SV_RELIEF_FACES)
-            status = darken_crevices(shade, &sheet[k], to_sun, lit[k], error);
+        bool front = k < SV_RELIEF_FACES && run_front(shade, &sheet[k], to_sun, &status, error);
+        look_up(shade, k, &sheet[k], &view, to_sun, front ? shade->incoming : NULL, lit[k]);
     }
     return status;
 }

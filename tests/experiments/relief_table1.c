@@ -202,7 +202,7 @@ static void set_up(struct experiment *x, enum object_kit_body body)
         x->lit[k] = must_alloc((size_t)RESOLUTION * RESOLUTION);
     for (int c = 0; c < CASES; c++)
         x->picture[c] = must_alloc((size_t)SIDE * SIDE * 4);
-    double azimuth = sv_radians(38), elevation = sv_radians(24), distance = 5.9;
+    double azimuth = sv_radians(38), elevation = sv_radians(24), distance = 7.4;
     x->camera = (struct sv_camera){.vfov_rad = sv_radians(24), .width = SIDE, .height = SIDE, .near_m = 0.1};
     x->camera.eye = sv_madd(sv_vec3(0, 0, 0.94), sv_direction(azimuth, elevation), distance);
     sv_camera_aim(&x->camera, azimuth + SV_PI, -elevation, 0);
