@@ -282,7 +282,6 @@ static void build_effort(struct build *b, struct sv_view_request *r)
     r->relief = (enum sv_relief_mode)get(b, SV_FIELD_RELIEF).choice;
     r->relief_distance_m = number(b, SV_FIELD_RELIEF_DISTANCE);
     r->relief_resolution = (int)number(b, SV_FIELD_RELIEF_RESOLUTION);
-    r->has_shadows = present(b, SV_FIELD_SHADOWS);
     r->shadows = get(b, SV_FIELD_SHADOWS).choice == 1;
     r->samples = (int)number(b, SV_FIELD_SAMPLES);
     r->air = get(b, SV_FIELD_AIR).choice == 1;

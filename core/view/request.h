@@ -86,7 +86,7 @@ struct sv_view_request {
     enum sv_relief_mode relief;
     double relief_distance_m; /* 0: not given */
     int relief_resolution;    /* 0: not given */
-    bool has_shadows, shadows; /* has_shadows: the client said so */
+    bool shadows;
     int samples;               /* 1, 4, 16, 64; 0: not given */
     bool has_sun_azimuth, has_sun_elevation, has_time;
     double sun_azimuth_rad, sun_elevation_rad, time_unix_s;

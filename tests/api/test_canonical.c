@@ -48,7 +48,6 @@ static struct sv_view_request meaning(const struct sv_view_request *request)
 {
     struct sv_view_request r = *request;
     r.samples = sv_api_view_samples(&r);
-    r.has_shadows = true;
     if (r.format != SV_FORMAT_JPEG && r.format != SV_FORMAT_WEBP)
         r.q = 0;
     if (r.projection == SV_PROJECTION_ORTHOGRAPHIC)

@@ -248,8 +248,7 @@ static void defaults(void **state)
     assert_true(r.layers == 1u << SV_LAYER_COLOR && r.sky && r.quality == SV_QUALITY_BALANCED);
     assert_true(r.max_error_px == 0 && r.budget_ms == 0 && r.trees == SV_TREES_AUTO &&
                 r.relief == SV_RELIEF_AUTO);
-    assert_true(r.relief_distance_m == 0 && r.relief_resolution == 0 && !r.has_shadows && r.shadows &&
-                r.samples == 0);
+    assert_true(r.relief_distance_m == 0 && r.relief_resolution == 0 && r.shadows && r.samples == 0);
     assert_true(!r.has_sun_azimuth && !r.has_sun_elevation && !r.has_time && !r.air && !r.describe);
 }
 
@@ -268,7 +267,7 @@ static void every_key_arrives(void **state)
     assert_true(r.roll_rad == sv_radians(-5) && r.north_true && r.vfov_rad == sv_radians(45.5));
     assert_true(r.width == 640 && r.height == 480 && r.format == SV_FORMAT_WEBP && r.q == 70);
     assert_true(r.quality == SV_QUALITY_FAST && r.trees == SV_TREES_RAYCAST && r.relief == SV_RELIEF_OFF);
-    assert_true(r.has_shadows && !r.shadows && r.samples == 4 && r.air && !r.sky && r.describe);
+    assert_true(!r.shadows && r.samples == 4 && r.air && !r.sky && r.describe);
     assert_true(r.has_sun_azimuth && r.sun_azimuth_rad == sv_radians(-90) && r.has_sun_elevation &&
                 r.sun_elevation_rad == sv_radians(12.5));
     r = good("target_x=10&target_y=20&crs=EPSG:32633&range=300&heading=350&pitch=-30&time=2026-06-21T12:00:"

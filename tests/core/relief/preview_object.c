@@ -53,7 +53,6 @@ int main(int argc, char **argv)
     request.target = (struct sv_place){.form = SV_PLACE_XY, .x = place.x, .y = place.y, .agl = height * 0.4};
     request.heading_rad = sv_radians(argc > 4 ? atof(argv[4]) : -30);
     request.pitch_rad = sv_radians(argc > 5 ? atof(argv[5]) : -18);
-    request.has_shadows = true;
     request.shadows = argc > 6 ? atoi(argv[6]) : 1;
     struct sv_image sheet;
     if (sv_image_alloc(SIDE * COLUMNS, SIDE * ROWS, 4, SV_PIXEL_U8, &sheet, &error))

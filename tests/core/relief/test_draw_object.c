@@ -66,7 +66,7 @@ static struct sv_view_request orbit(double heading_deg, double pitch_deg, double
     request.pitch_rad = sv_radians(pitch_deg);
     request.range_m = range_m;
     request.vfov_rad = sv_radians(40);
-    request.has_shadows = request.shadows = true;
+    request.shadows = true;
     request.has_sun_azimuth = request.has_sun_elevation = true;
     request.sun_azimuth_rad = sv_radians(140);
     request.sun_elevation_rad = sv_radians(40);

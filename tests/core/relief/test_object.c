@@ -23,7 +23,7 @@
 #include "tests/experiments/object_kit.h"
 #include "tests/experiments/object_truth.h"
 
-enum { RESOLUTION = 128, SIDE = 256, STEPS = 36, LEVELS = 3 };
+enum { RESOLUTION = 128, SIDE = 192, STEPS = 36, LEVELS = 3 };
 static const double ELEVATION_DEG[LEVELS] = {-8, 22, 58};
 static const struct sv_relief_place PLACE = {{512345.5, 6012345.25, 37}, 12, 0.35};
 

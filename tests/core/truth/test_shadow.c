@@ -81,7 +81,7 @@ static void map(const struct sv_scene *scene, double azimuth, double elevation, 
     r.eye.agl = 300;
     r.pitch_rad = -SV_PI / 2;
     r.trees = SV_TREES_RAYCAST;
-    r.has_shadows = r.shadows = true;
+    r.shadows = true;
     r.has_sun_azimuth = r.has_sun_elevation = true;
     r.sun_azimuth_rad = azimuth;
     r.sun_elevation_rad = elevation;

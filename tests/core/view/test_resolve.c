@@ -158,7 +158,7 @@ static void test_sun_and_later_features(void **state)
     v = resolved(&r);
     assert_true(fabs(v.sun.azimuth_rad - sv_radians(270)) < 1e-12 &&
                 v.sun.elevation_rad == scene->sun.elevation_rad);
-    r.has_shadows = r.shadows = true;
+    r.shadows = true;
     v = resolved(&r);
     assert_true(!v.plan.raycast && v.plan.shadows);
     r.trees = SV_TREES_RAYCAST;

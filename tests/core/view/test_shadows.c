@@ -91,7 +91,6 @@ static void draw(const struct sv_scene *scene, const struct pose *p, enum how ho
     r.has_sun_azimuth = r.has_sun_elevation = true;
     r.sun_azimuth_rad = sv_radians(p->azimuth_deg);
     r.sun_elevation_rad = sv_radians(p->elevation_deg);
-    r.has_shadows = true;
     r.shadows = how == ON || how == TRUTH;
     r.layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_ID;
     r.trees = how >= TRUTH ? SV_TREES_RAYCAST : SV_TREES_AUTO;
