@@ -27,7 +27,7 @@ enum {
     SV_RELIEF_SHEETS = (1 + SV_RELIEF_HIDDEN) * SV_RELIEF_FACES
 };
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_RELIEF_OBJECT_KIND "relief1"
+#define SV_RELIEF_OBJECT_KIND "relief2"
 
 struct sv_relief_object {
     struct sv_relief face[SV_RELIEF_FACES]; /* model space */
