@@ -42,8 +42,9 @@ struct placed {
     struct sv_relief_place at;
     struct sv_vec3 middle; /* world */
     double radius_m;
-    bool shaded_known; /* for the current sun: */
-    double shaded_m;   /* world height up to which other objects keep the sun from its middle */
+    bool shaded_known, taken_known; /* for the current sun: */
+    double taken;                   /* share of sunlight that trees keep away */
+    double shaded_m;                /* world height up to which other objects keep the sun from its middle */
 };
 
 struct candidate {
@@ -243,7 +244,7 @@ void sv_object_draw_sun(struct sv_object_draw *d, struct sv_vec3 to_sun)
     for (int k = 0; k < d->class_count; k++)
         sv_object_sun_finish(&d->classes[k].sun);
     for (int k = 0; k < d->scene->object_count; k++)
-        d->placed[k].shaded_known = false;
+        d->placed[k].shaded_known = d->placed[k].taken_known = false;
     sv_object_meshes_new_sun(d->meshes);
 }
 
@@ -310,7 +311,7 @@ static double shade_top(const struct sv_object_sun *sun, double x, double y)
     return -INFINITY;
 }
 
-/* except: index of an object that is left out, or -1. */
+/* World height up to which objects but `except` keep the sun away at (x, y); -INFINITY where none does. */
 static double shadow_height(struct sv_object_draw *d, double x, double y, int except)
 {
     double top = -INFINITY;
@@ -337,11 +338,6 @@ static double shadow_height(struct sv_object_draw *d, double x, double y, int ex
         top = fmax(top, p->at.place.z + z * h);
     }
     return top;
-}
-
-double sv_object_draw_shadow_height(struct sv_object_draw *draw, double x, double y)
-{
-    return shadow_height(draw, x, y, -1);
 }
 
 /* ---- a view ---- */
@@ -418,6 +414,30 @@ static double shade_height(struct sv_object_draw *d, const struct sv_object_draw
     return z > p->at.place.z ? z : -INFINITY;
 }
 
+/* Share of sunlight that trees keep from an object: the mean over places before its middle, as the sun sees
+ * it. */
+static double taken_by_trees(struct sv_object_draw *d, const struct sv_object_draw_options *options,
+                             int object)
+{
+    static const double across[3] = {-0.6, 0, 0.6}, up[4] = {0.15, 0.4, 0.65, 0.9};
+    struct placed *p = &d->placed[object];
+    if (!options->shadows || !options->trees || !(d->to_sun.z > 0))
+        return 0;
+    if (p->taken_known)
+        return p->taken;
+    struct sv_vec3 right = sv_normalize(sv_cross(sv_vec3(0, 0, 1), d->to_sun));
+    double left = 0, width = sqrt(fmax(p->radius_m * p->radius_m - p->at.height_m * p->at.height_m / 4, 0));
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++) {
+            struct sv_vec3 at = sv_madd(p->middle, right, across[i] * width);
+            at.z = p->at.place.z + up[j] * p->at.height_m;
+            left += options->trees(options->trees_context, at) / 12;
+        }
+    p->taken = sv_clamp(1 - left, 0, 1);
+    p->taken_known = true;
+    return p->taken;
+}
+
 enum sv_status sv_object_draw_view(struct sv_object_draw *d, const struct sv_gl_frame *frame,
                                    const struct sv_object_draw_options *options,
                                    struct sv_object_draw_stats *stats, struct sv_error *error)
@@ -433,16 +453,16 @@ enum sv_status sv_object_draw_view(struct sv_object_draw *d, const struct sv_gl_
         const struct candidate *c = &d->candidates[k];
         const struct placed *p = &d->placed[c->object];
         const struct bake *b = &d->bakes[d->classes[p->class_index].bake];
-        double shade = shade_height(d, options, c->object);
+        double shade = shade_height(d, options, c->object), taken = taken_by_trees(d, options, c->object);
         uint32_t id = SV_ID_OBJECT_FIRST + (uint32_t)c->object;
         if (c->level < 0) {
             d->mesh_entries[meshes++] = (struct sv_object_mesh_entry){
                 b->model, p->class_index, p->at, id, options->shadows ? want_sun(d, p->class_index) : NULL,
-                shade};
+                shade,    taken};
             own.triangles += d->scene->models[b->model].mesh.index_count / 3;
         } else {
             d->relief_entries[reliefs++] = (struct sv_object_relief_entry){
-                &b->level[c->level], p->class_index * LEVELS + c->level, p->at, id, shade};
+                &b->level[c->level], p->class_index * LEVELS + c->level, p->at, id, shade, taken};
         }
     }
     own.polygon_objects = meshes;

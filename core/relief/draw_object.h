@@ -13,8 +13,8 @@
  *
  * Shadows. An object shades itself (polygons: shadow map of object_sun.h; reliefs: object.h), is shaded by
  * the terrain and by other objects (below a height, taken at its middle: see `ground` and
- * sv_object_draw_shadow_height), and casts its silhouette on the ground (sv_object_draw_cast). Trees do not
- * shade objects. */
+ * sv_object_draw_cast), by trees (one share of sunlight for all of it: see `trees`), and casts its silhouette
+ * on the ground (sv_object_draw_cast). Objects do not shade trees. */
 #ifndef SV_RELIEF_DRAW_OBJECT_H
 #define SV_RELIEF_DRAW_OBJECT_H
 
@@ -30,12 +30,17 @@ struct sv_object_draw;
  * or NaN: nothing does. */
 typedef double (*sv_object_ground)(void *context, double x, double y);
 
+/* Share of sunlight that trees leave at a place of the world, 0..1. */
+typedef double (*sv_object_trees)(void *context, struct sv_vec3 place);
+
 struct sv_object_draw_options {
     double relief_texel_px;  /* >= 0; 0: polygons only; INFINITY: reliefs only */
     unsigned layers;         /* what is read from the target: bit set of 1u << enum sv_layer */
     bool shadows;            /* for the frame's sun */
     sv_object_ground ground; /* or NULL: the terrain shades no object */
     void *ground_context;
+    sv_object_trees trees; /* or NULL: trees shade no object */
+    void *trees_context;
 };
 
 struct sv_object_draw_stats {
@@ -63,10 +68,6 @@ void sv_object_draw_sun(struct sv_object_draw *draw, struct sv_vec3 to_sun);
 /* An sv_shadow_caster (context: the sv_object_draw): casts every object whose shadow can fall on the window.
  * Silhouettes are made when first needed and kept while the sun stays. */
 void sv_object_draw_cast(void *draw, struct sv_shadow_window *window);
-/* World height up to which objects keep the sun away at world (x, y) (what trees there are shaded to);
- * -INFINITY where none does. */
-double sv_object_draw_shadow_height(struct sv_object_draw *draw, double x, double y);
-
 /* Bytes of the relief textures of an object (shared by equal ones), coarser ones included. */
 size_t sv_object_draw_relief_bytes(const struct sv_object_draw *draw, int object);
 /* Builds the reliefs of one model into the store; needs a current GL context. What the scene process does

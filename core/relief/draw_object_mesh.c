@@ -15,7 +15,14 @@
 
 enum { AT_POSITION, AT_NORMAL, AT_OCCLUSION, AT_UV }; /* locations in object_mesh.vert */
 enum { UNIFORM_PLACE, UNIFORM_TURN, UNIFORM_SUN_RIGHT, UNIFORM_SUN_DOWN, UNIFORM_SUN_TRAVEL };
-enum { UNIFORM_BASE = 8, UNIFORM_CUTOFF, UNIFORM_ID, UNIFORM_SHADE, UNIFORM_BIAS }; /* object_mesh.frag */
+enum {
+    UNIFORM_BASE = 8,
+    UNIFORM_CUTOFF,
+    UNIFORM_ID,
+    UNIFORM_SHADE,
+    UNIFORM_BIAS,
+    UNIFORM_LEFT
+}; /* object_mesh.frag */
 enum { UNIT_ALBEDO, UNIT_SUN };
 
 /* A caster must lie this many texels of the shadow map in front of what it shades; the shader adds the
@@ -209,6 +216,7 @@ static void set_object(GLuint program, const struct sv_object_mesh_entry *e, str
     set_sun_row(UNIFORM_SUN_TRAVEL, s->travel, 1, s);
     gl.Uniform1ui(UNIFORM_ID, e->id);
     gl.Uniform1f(UNIFORM_SHADE, (float)fmax(e->shade_height_m - eye.z, -1e30));
+    gl.Uniform1f(UNIFORM_LEFT, (float)(1 - e->taken));
     gl.Uniform1f(UNIFORM_BIAS, (float)(BIAS_TEXELS * texel));
 }
 

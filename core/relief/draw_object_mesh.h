@@ -17,6 +17,7 @@ struct sv_object_mesh_entry {
     uint32_t id;
     const struct sv_object_sun *sun; /* NULL: nothing of it is in its own shadow */
     double shade_height_m;           /* world z below which no sun arrives; -INFINITY: nowhere */
+    double taken;                    /* share of sunlight that trees keep from it */
 };
 
 /* Uploads all meshes; borrows models for life. */

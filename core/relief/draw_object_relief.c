@@ -12,6 +12,7 @@
 
 enum { UNIT_COLOR, UNIT_DEPTH, UNIT_ID, UNIT_NORMAL, UNITS };
 enum { SHADE_STEPS = 64 }; /* of its height in which an object's shade is told apart */
+enum { TAKEN_STEPS = 32 }; /* of sunlight that trees keep from it */
 #define LOOK_BYTES_A_TEXEL 9
 
 /* Lit colours of one class at one level. */
@@ -19,6 +20,7 @@ struct slot {
     struct sv_relief_look *look; /* NULL: not made */
     struct sv_vec3 to_sun;
     int shade; /* step; see shade_step */
+    int taken; /* by trees, in TAKEN_STEPS */
     bool shadows;
     unsigned faces; /* lit for that light */
     size_t bytes;
@@ -194,6 +196,7 @@ static enum sv_status want_look(struct sv_object_reliefs *r, const struct sv_gl_
     struct slot *s = &r->slots[e->slot];
     const struct sv_vec3 sun = frame->light.to_sun;
     int shade = shadows ? shade_step(&e->at, e->shade_height_m) : 0;
+    int taken = shadows ? (int)lrint(e->taken * TAKEN_STEPS) : 0;
     if (!s->look) {
         size_t bytes = look_bytes(e->object);
         make_room(r, bytes, s);
@@ -205,7 +208,7 @@ static enum sv_status want_look(struct sv_object_reliefs *r, const struct sv_gl_
         r->look_bytes += bytes;
     }
     if (s->to_sun.x != sun.x || s->to_sun.y != sun.y || s->to_sun.z != sun.z || s->shade != shade ||
-        s->shadows != shadows)
+        s->taken != taken || s->shadows != shadows)
         s->faces = 0;
     s->used = r->draws;
     if (faces & ~s->faces) {
@@ -213,6 +216,7 @@ static enum sv_status want_look(struct sv_object_reliefs *r, const struct sv_gl_
         struct sv_relief_look_options options = {
             .shadow = cast ? SV_RELIEF_SHADOW_ROW_FRONT : SV_RELIEF_SHADOW_NONE,
             .lit = true,
+            .taken = (double)taken / TAKEN_STEPS,
             .shade_height_m = shade ? e->at.place.z + e->at.height_m * shade / SHADE_STEPS : -INFINITY};
         enum sv_status status =
             sv_relief_look_light(s->look, &e->at, &frame->light, &options, faces & ~s->faces, error);
@@ -221,6 +225,7 @@ static enum sv_status want_look(struct sv_object_reliefs *r, const struct sv_gl_
         stats->lit++;
         s->to_sun = sun;
         s->shade = shade;
+        s->taken = taken;
         s->shadows = shadows;
         s->faces |= faces;
     }

@@ -20,6 +20,7 @@ struct sv_object_relief_entry {
     struct sv_relief_place at;
     uint32_t id;
     double shade_height_m; /* world z below which no sun arrives; -INFINITY: nowhere */
+    double taken;          /* share of sunlight that trees keep from it */
 };
 
 /* What was done, added up. */

@@ -110,6 +110,7 @@ struct sv_relief_look_options {
     float specular, shininess;
     bool has_viewer;
     struct sv_vec3 eye;    /* world */
+    double taken;          /* share of sunlight that the surroundings keep away from all of it, 0..1 */
     double shade_height_m; /* world z below which the surroundings keep the sun away; -INFINITY: nowhere */
 };
 SV_MUST_CHECK enum sv_status sv_relief_look_create(const struct sv_relief_object *object,

@@ -136,6 +136,13 @@ static enum sv_status check(const struct sv_relief_place *place, const struct sv
     return SV_OK;
 }
 
+static void dim(uint8_t *lit, size_t texels, double taken)
+{
+    unsigned left = (unsigned)lrint(256 * (1 - sv_clamp(taken, 0, 1)));
+    for (size_t k = 0; k < texels; k++)
+        lit[k] = (uint8_t)(lit[k] * left >> 8);
+}
+
 enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv_relief_place *place,
                                     const struct sv_light *light,
                                     const struct sv_relief_look_options *options, unsigned faces,
@@ -155,6 +162,7 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
     double shade_height = (options->shade_height_m - place->place.z) / place->height_m;
     double fade = fade_height(look->object);
     bool shaded = options->lit && shade_height + fade > look->object->box_min.z;
+    bool dimmed = options->lit && options->taken > 0;
     for (int k = 0; k < SHEETS; k++) {
         const struct sv_relief *face = &look->face[k];
         if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count)
@@ -163,13 +171,15 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
             look->color[k] = (const uint8_t(*)[4])face->color;
             continue;
         }
-        if (shaded && !shadow)
+        if ((shaded || dimmed) && !shadow)
             memset(look->lit[k], 255, texels_of(face));
         if (shaded)
             shade_below(face, shade_height, fade, look->lit[k]);
+        if (dimmed)
+            dim(look->lit[k], texels_of(face), options->taken);
         struct sv_relief_light how = {.light = &turned,
                                       .frame = face->frame,
-                                      .lit = shadow || shaded ? look->lit[k] : NULL,
+                                      .lit = shadow || shaded || dimmed ? look->lit[k] : NULL,
                                       .has_viewer = options->has_viewer,
                                       .eye = sv_relief_place_to_model(place, options->eye),
                                       .specular = options->specular,

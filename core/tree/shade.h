@@ -79,6 +79,11 @@ SV_MUST_CHECK enum sv_status sv_tree_shade_update(struct sv_tree_shade *shade, s
  * Nothing before the first update, and at night. */
 void sv_tree_shade_cast(void *shade, struct sv_shadow_window *window);
 
+/* Share of sunlight that trees leave at a place of the world, 0..1: what is seen sunward of it, each tree at
+ * its outline's coverage, the order along the light taken by the trees' middles. 1 before the first update; 0
+ * at night. What scene objects are lit by. Some microseconds. */
+double sv_tree_shade_share(const struct sv_tree_shade *shade, struct sv_vec3 place);
+
 /* Light of the current sun; valid until the next update. {NULL, NULL} before the first. */
 struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade);
 

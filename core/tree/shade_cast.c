@@ -15,7 +15,8 @@ static const double STAMP_TEXELS = 1.25; /* trees narrower than that are stamped
 /* Silhouette texels are 1 / sqrt(2) to sqrt(2) of the window's: one sample of them is enough
  * (sv_shadow_window_cast). */
 static const double FINEST = 1.4;
-static const double LEVEL_SUN_Z = 1e-6; /* suns lower than that are taken to stand there */
+static const double SHARE_TEXEL_M = 0.5; /* of outlines, where a place asks for its light */
+static const double LEVEL_SUN_Z = 1e-6;  /* suns lower than that are taken to stand there */
 
 /* What is the same for all trees. Places are relative to the window's corner and to its z0. */
 struct casting {
@@ -169,6 +170,76 @@ static void cast_leaf(const struct casting *c, const struct sv_forest_node *node
         if (reaches(c, &box))
             cast_tree(c, tree);
     }
+}
+
+/* ---- light at a place ---- */
+
+/* Whether the ray from `at` (relative to the forest's origin) towards the sun meets the node's box. */
+static bool ray_meets(const struct sv_forest_node *node, const double at[3], const double to_sun[3])
+{
+    double from = 0, to = INFINITY;
+    for (int a = 0; a < 3; a++) {
+        double lo = (double)node->box_min[a] - at[a], hi = (double)node->box_max[a] - at[a];
+        if (fabs(to_sun[a]) < 1e-12) {
+            if (lo > 0 || hi < 0)
+                return false;
+            continue;
+        }
+        double p = lo / to_sun[a], q = hi / to_sun[a];
+        from = fmax(from, fmin(p, q));
+        to = fmin(to, fmax(p, q));
+    }
+    return from <= to;
+}
+
+/* What one tree lets through to the place; the texel of its outline that is about SHARE_TEXEL_M decides. */
+static double tree_lets_through(const struct sv_tree_shade *shade, const struct sv_tree *tree,
+                                struct sv_vec3 place)
+{
+    const struct sv_shade_sun *sun = shade->current;
+    const struct sv_shade_outline *o =
+        &sun->views[shade->owner[tree->species]].turn[sv_shade_turn(tree->rotation_rad)];
+    double h = (double)tree->height_m;
+    struct sv_vec3 d = sv_sub(place, sv_vec3(tree->x, tree->y, tree->z));
+    if (o->levels == 0 || sv_dot(sv_sub(sv_vec3(0, 0, h / 2), d), sun->axes.to_sun) <= 0)
+        return 1;
+    int n = level_for(o, h, SHARE_TEXEL_M);
+    double texel = ldexp((double)o->texel, n);
+    double i = floor((sv_dot(d, sun->axes.right) / h - (double)o->left) / texel),
+           j = floor(((double)o->top - sv_dot(d, sun->axes.up) / h) / texel);
+    const struct sv_silhouette *s = &o->level[n];
+    if (!(i >= 0 && j >= 0 && i < s->width && j < s->height))
+        return 1;
+    return 1 - s->coverage[(size_t)j * (size_t)s->width + (size_t)i] / 255.0;
+}
+
+double sv_tree_shade_share(const struct sv_tree_shade *shade, struct sv_vec3 place)
+{
+    const struct sv_forest *forest = shade->forest;
+    if (shade->dark)
+        return 0;
+    if (!shade->current || forest->node_count == 0)
+        return 1;
+    struct sv_vec3 l = shade->current->axes.to_sun, p = sv_sub(place, forest->origin);
+    const double at[3] = {p.x, p.y, p.z}, to_sun[3] = {l.x, l.y, l.z};
+    uint32_t stack[STACK];
+    int top = 0;
+    double share = 1;
+    stack[top++] = 1;
+    while (top > 0 && share > 0) {
+        uint32_t k = stack[--top];
+        const struct sv_forest_node *node = &forest->nodes[k];
+        if (node->count == 0 || !ray_meets(node, at, to_sun))
+            continue;
+        if (k >= forest->leaf_first) {
+            for (uint32_t t = node->first; t < node->first + node->count; t++)
+                share *= tree_lets_through(shade, &forest->trees[t], place);
+            continue;
+        }
+        stack[top++] = 2 * k + 1;
+        stack[top++] = 2 * k;
+    }
+    return share;
 }
 
 void sv_tree_shade_cast(void *context, struct sv_shadow_window *window)

@@ -231,6 +231,11 @@ static enum sv_status want_target(struct sv_renderer *r, int width, int height, 
     return SV_OK;
 }
 
+static double share_of_trees(void *shade, struct sv_vec3 place)
+{
+    return sv_tree_shade_share(shade, place);
+}
+
 static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolved_view *view,
                                    const struct sv_gl_frame *frame, unsigned layers,
                                    struct sv_object_draw_stats *stats, struct sv_error *error)
@@ -242,6 +247,10 @@ static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolv
     if (options.shadows && want_sun(r, frame->light.to_sun, &sun, error) == SV_OK) {
         options.ground = sv_shadow_height_at;
         options.ground_context = &sun->terrain;
+        if (r->shade && view->plan.draw_trees) {
+            options.trees = share_of_trees;
+            options.trees_context = r->shade;
+        }
     }
     return sv_object_draw_view(r->objects, frame, &options, stats, error);
 }

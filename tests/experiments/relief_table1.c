@@ -97,7 +97,9 @@ static void frame_direct(struct experiment *x, int form, int frame, uint8_t (*rg
     unsigned count;
     how.eye = x->camera.eye;
     light_of(frame, &light);
-    memset(rgba, 0, (size_t)SIDE * SIDE * 4);
+    const struct sv_warp_buffer *last = &x->buffer; /* as of the last frame: nothing else was written */
+    for (int j = last->y0; j < last->y1 && last->x0 < last->x1; j++)
+        memset(rgba[j * SIDE + last->x0], 0, (size_t)(last->x1 - last->x0) * 4);
     unsigned faces = sv_relief_object_faces(&x->object, &PLACE, &x->camera);
     must(sv_relief_look_light(x->look, &PLACE, &light, &how, faces, &error), &error);
     x->stats = (struct sv_warp_stats){0};

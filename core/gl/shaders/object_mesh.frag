@@ -7,6 +7,7 @@ layout(location = 9) uniform float alpha_cutoff;
 layout(location = 10) uniform uint object_id;
 layout(location = 11) uniform float shade_z; // no sun below it; eye-relative, m
 layout(location = 12) uniform float bias;    // heights
+layout(location = 13) uniform float left;    // share of sunlight that trees leave
 layout(binding = 0) uniform sampler2D albedo;
 layout(binding = 1) uniform sampler2D sun_first; // depth along the light at which the object begins; infinity: nothing
 
@@ -52,7 +53,7 @@ void main()
     if (cosine > 0.0) { // the surface's own slope, in the map, over the texels that the lookup spans
         float slope = min(sqrt(1.0 - cosine * cosine) / cosine, 8.0);
         visible = sun_seen(in_sun_map, bias * (1.0 + 1.5 * slope));
-        visible *= local.z < shade_z ? 0.0 : 1.0;
+        visible *= local.z < shade_z ? 0.0 : left;
     }
     vec3 lit_rgb = light_surface(n, rgba.rgb, uv_occlusion.z, visible);
     out_color = vec4(light_air(frame_distance(local), lit_rgb), 1.0);

@@ -752,6 +752,51 @@ static void the_caster_finds_every_tree_that_reaches(void **state)
     sv_shadow_window_finish(&b);
 }
 
+/* On the ground every tree that hides the sun is sunward: what arrives there is what a window holds, which is
+ * made by a kernel of its own from finer outlines; at night and without trees the answer is known. */
+static void light_at_a_place_is_that_of_the_ground(void **state)
+{
+    (void)state;
+    struct sv_error error;
+    struct sv_shadow_window w = {0};
+    ok(sv_shadow_window_alloc(&w, &error), &error);
+    struct forest f, none;
+    forest_init(&f, stand->forest.trees, stand->forest.count, table, SPECIES);
+    forest_init(&none, NULL, 0, table, SPECIES);
+    struct sv_rng rng = sv_rng_seeded(31, 4);
+    assert_true(sv_tree_shade_share(f.shade, middle()) == 1); /* no sun is known yet */
+    for (int round = 0; round < 6; round++) {
+        struct sv_vec3 to_sun = sun_at(sv_rng_range(&rng, 0, 360), 8 + 14 * round);
+        update(&f, to_sun);
+        update(&none, to_sun);
+        sv_shadow_window_fill(&w, &ground->terrain.field, NULL,
+                              (struct sv_shadow_place){middle().x - 64, middle().y - 64, 0.125});
+        sv_tree_shade_cast(f.shade, &w);
+        double sum = 0, truth = 0, off = 0;
+        enum { POINTS = 4000 };
+        for (int k = 0; k < POINTS; k++) {
+            int i = (int)sv_rng_range(&rng, 300, 724), j = (int)sv_rng_range(&rng, 300, 724);
+            size_t at = (size_t)j * SV_SHADOW_WINDOW_SIDE + (size_t)i;
+            struct sv_vec3 p =
+                sv_vec3(w.x0 + (i + 0.5) * 0.125, w.y0 + (j + 0.5) * 0.125, w.z0 + (double)w.ground[at]);
+            double share = sv_tree_shade_share(f.shade, p), window = w.light[at] / 255.0;
+            assert_true(share >= 0 && share <= 1);
+            assert_true(sv_tree_shade_share(none.shade, p) == 1);
+            sum += share / POINTS;
+            truth += window / POINTS;
+            off += fabs(share - window) / POINTS;
+        }
+        printf("  elevation %2d: mean share %.3f, in the window %.3f, mean |difference| %.3f\n",
+               8 + 14 * round, sum, truth, off);
+        assert_true(fabs(sum - truth) < 0.02 && off < 0.08);
+    }
+    update(&f, sun_at(0, -3));
+    assert_true(sv_tree_shade_share(f.shade, middle()) == 0);
+    forest_finish(&f);
+    forest_finish(&none);
+    sv_shadow_window_finish(&w);
+}
+
 /* ---- many ---- */
 
 static void a_million_trees(void **state)
@@ -816,6 +861,7 @@ int main(void)
         cmocka_unit_test(windows_keep_the_amount_of_shade),
         cmocka_unit_test(shade_of_tiny_trees_adds_up),
         cmocka_unit_test(the_caster_finds_every_tree_that_reaches),
+        cmocka_unit_test(light_at_a_place_is_that_of_the_ground),
         cmocka_unit_test(a_million_trees),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
