@@ -113,9 +113,9 @@ static void draw(const struct body *b, const struct sv_camera *camera, const str
     struct sv_relief_look_options options = {
         .shadow = SV_RELIEF_SHADOW_ROW_FRONT, .lit = true, .shade_height_m = -INFINITY};
     struct sv_error error = {0};
-    const struct sv_warp_source *sources;
+    const struct sv_warp_source *sources = NULL;
     struct sv_warp_stats stats = {0};
-    unsigned count, faces = sv_relief_object_faces(&b->object, &PLACE, camera);
+    unsigned count = 0, faces = sv_relief_object_faces(&b->object, &PLACE, camera);
     if (sv_relief_look_light(b->look, &PLACE, light, &options, faces, &error) != SV_OK ||
         sv_relief_look_warp(b->look, &PLACE, camera, 0, 0, faces, buffer, &sources, &count, &stats, &error) !=
             SV_OK)
