@@ -100,7 +100,7 @@ static bool load_all(struct sv_loading *l, int *which, int *sorted)
     s->models = made;
     s->model_count = models;
     if (ok)
-        sv_loading_note(l, 0, "objects: %d of %d models", count, models);
+        sv_loading_note(l, 0, "objects: %d, of %d model%s", count, models, models == 1 ? "" : "s");
     return ok;
 }
 

@@ -257,7 +257,7 @@ static void test_scatter(void **state)
     assert_true(s->forest.count > 1000 && s->forest.count < 4000);
     assert_told(w, "forest[0]: strewed 500 of 500 trees");
     assert_told(w, "! forest[1]: no room for more at min_spacing_m 20");
-    assert_told(w, "objects: 1 of 1 models");
+    assert_told(w, "objects: 1, of 1 model");
     assert_told(w, "relief: distance 70 m, resolution 256 kept");
     assert_true(fabs(s->sun.azimuth_rad - SV_PI / 2) < 1e-12 &&
                 fabs(s->sun.elevation_rad - SV_PI / 6) < 1e-12);
