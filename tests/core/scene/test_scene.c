@@ -302,7 +302,7 @@ static void test_objects(void **state)
     }
     assert_true(s->objects[1].height_m == 3 && fabs(s->objects[1].heading_rad - 1.5 * SV_PI) < 1e-12);
     assert_int_equal(s->objects[1].relief_resolution, 64);
-    assert_told(w, "objects: 3 of 2 models");
+    assert_told(w, "objects: 3, of 2 models");
     assert_told(w, "the plan's middle stands at the place"); /* the rock lies beside its origin */
     uint64_t version = s->version;
     s = load_ok(w, text); /* from the store: the same, and the note is said again */
