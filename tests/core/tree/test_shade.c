@@ -762,7 +762,7 @@ static void light_at_a_place_is_that_of_the_ground(void **state)
     ok(sv_shadow_window_alloc(&w, &error), &error);
     struct forest f, none;
     forest_init(&f, stand->forest.trees, stand->forest.count, table, SPECIES);
-    forest_init(&none, NULL, 0, table, SPECIES);
+    forest_init(&none, stand->forest.trees, 0, table, SPECIES);
     struct sv_rng rng = sv_rng_seeded(31, 4);
     assert_true(sv_tree_shade_share(f.shade, middle()) == 1); /* no sun is known yet */
     for (int round = 0; round < 6; round++) {
