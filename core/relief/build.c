@@ -64,18 +64,28 @@ static void put(struct sv_relief *r, size_t k, double displ, const uint8_t (*col
     r->normal[k][2] = r->normal[k][3] = INT16_MAX;
 }
 
+/* An empty relief of that frame. */
+static enum sv_status begin(const struct sv_relief_frame *frame, int width, int height, float cut,
+                            struct sv_relief *r, struct sv_error *error)
+{
+    enum sv_status status = check(frame, cut, error);
+    if (!status)
+        status = sv_relief_alloc(width, height, r, error);
+    if (status)
+        return status;
+    r->frame = *frame;
+    r->cut = cut;
+    return SV_OK;
+}
+
 enum sv_status sv_relief_from_heights(const struct sv_relief_frame *frame, int width, int height,
                                       const float *heights, const uint8_t (*color)[4], float cut,
                                       struct sv_relief *relief, struct sv_error *error)
 {
     struct sv_relief r;
-    enum sv_status status = check(frame, cut, error);
-    if (!status)
-        status = sv_relief_alloc(width, height, &r, error);
+    enum sv_status status = begin(frame, width, height, cut, &r, error);
     if (status)
         return status;
-    r.frame = *frame;
-    r.cut = cut;
     for (size_t k = 0; k < (size_t)width * (size_t)height; k++)
         put(&r, k, heights[k], color);
     sv_relief_measure(&r);
@@ -91,13 +101,9 @@ enum sv_status sv_relief_from_depth(const struct sv_relief_frame *frame, int wid
     struct sv_relief r;
     if (!isfinite(depth_at_plane_m))
         return sv_fail(error, SV_EINVAL, "depth_at_plane_m", "is %g, must be finite", depth_at_plane_m);
-    enum sv_status status = check(frame, cut, error);
-    if (!status)
-        status = sv_relief_alloc(width, height, &r, error);
+    enum sv_status status = begin(frame, width, height, cut, &r, error);
     if (status)
         return status;
-    r.frame = *frame;
-    r.cut = cut;
     for (size_t k = 0; k < (size_t)width * (size_t)height; k++)
         put(&r, k, depth_at_plane_m - sv_depth_linear(form, depth[k]), color);
     sv_relief_measure(&r);

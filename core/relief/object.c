@@ -158,6 +158,16 @@ static enum sv_status bake_faces(const struct sv_tree_mesh *mesh, struct sv_reli
     return alloc_rest(object, error);
 }
 
+enum sv_status sv_relief_object_derive(struct sv_relief_object *object, struct sv_error *error)
+{
+    enum sv_status status = sv_relief_object_hide(object, error);
+    if (status == SV_OK)
+        status = sv_relief_object_tile(object, error);
+    if (status == SV_OK)
+        status = sv_relief_object_rim(object, error);
+    return status;
+}
+
 enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolution,
                                      struct sv_relief_object *object, struct sv_error *error)
 {
@@ -171,11 +181,7 @@ enum sv_status sv_relief_object_bake(const struct sv_tree_mesh *mesh, int resolu
     if (status == SV_OK)
         status = sv_relief_object_choose(&made, error);
     if (status == SV_OK)
-        status = sv_relief_object_hide(&made, error);
-    if (status == SV_OK)
-        status = sv_relief_object_tile(&made, error);
-    if (status == SV_OK)
-        status = sv_relief_object_rim(&made, error);
+        status = sv_relief_object_derive(&made, error);
     if (status == SV_OK)
         *object = made;
     else

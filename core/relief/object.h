@@ -86,6 +86,8 @@ SV_MUST_CHECK enum sv_status sv_relief_object_choose(struct sv_relief_object *ob
 SV_MUST_CHECK enum sv_status sv_relief_object_hide(struct sv_relief_object *object, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_relief_object_tile(struct sv_relief_object *object, struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_relief_object_rim(struct sv_relief_object *object, struct sv_error *error);
+/* hide, tile, rim: all that follows from faces and choice, and is not stored. */
+SV_MUST_CHECK enum sv_status sv_relief_object_derive(struct sv_relief_object *object, struct sv_error *error);
 
 /* Faces of which something may face an eye at a place of model space, or far away in a unit direction: bit
  * set. What it leaves out is turned away for certain. */

@@ -163,11 +163,7 @@ enum sv_status sv_relief_object_load(const void *data, size_t bytes, struct sv_r
         status = check_face(&made, k, error);
     }
     if (status == SV_OK)
-        status = sv_relief_object_hide(&made, error);
-    if (status == SV_OK)
-        status = sv_relief_object_tile(&made, error);
-    if (status == SV_OK)
-        status = sv_relief_object_rim(&made, error);
+        status = sv_relief_object_derive(&made, error);
     if (status == SV_OK)
         *object = made;
     else
