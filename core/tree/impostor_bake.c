@@ -15,7 +15,7 @@
 #include "core/base/color.h"
 #include "core/tree/impostor_raster.h"
 
-enum { SUB = SV_RASTER_SIDE / SV_IMPOSTOR_CELL };
+enum { SUB = 3, SAMPLES = SUB * SV_IMPOSTOR_CELL };
 
 /* tan of the steepest tilt of a quad against its frame: neighbours are at most 18 degrees apart, half of that
  * plus 60 stays well under 90. Own choice. */
@@ -55,18 +55,11 @@ static void add_sample(const struct bake *b, size_t at, int i, int j, struct tex
     const struct sv_tree_material *material = &r->mesh->materials[r->material[at]];
     const uint32_t *index = r->mesh->indices + r->triangle[at];
     const struct sv_tree_vertex *v[3];
-    float x[3], y[3], w[3], n[3] = {0}, uv[2] = {0}, occlusion = 0, rgb[3];
-    for (int k = 0; k < 3; k++) {
-        v[k] = &r->mesh->vertices[index[k]];
-        x[k] = r->x[index[k]];
-        y[k] = r->y[index[k]];
-    }
+    float w[3], n[3] = {0}, uv[2] = {0}, occlusion = 0, rgb[3];
     float open[4] = {0};
-    float px = (float)i + 0.5f, py = (float)j + 0.5f;
-    float area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
-    w[1] = ((px - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (py - y[0])) / area;
-    w[2] = ((x[1] - x[0]) * (py - y[0]) - (px - x[0]) * (y[1] - y[0])) / area;
-    w[0] = 1 - w[1] - w[2];
+    sv_raster_weights(r, i, j, w);
+    for (int k = 0; k < 3; k++)
+        v[k] = &r->mesh->vertices[index[k]];
     for (int k = 0; k < 3; k++) {
         for (int c = 0; c < 3; c++)
             n[c] += w[k] * (float)v[k]->normal[c];
@@ -161,7 +154,7 @@ static void resolve_texel(struct bake *b, int i, int j, size_t texel_at)
     struct texel t = {.count = 0};
     for (int sj = j * SUB; sj < (j + 1) * SUB; sj++)
         for (int si = i * SUB; si < (i + 1) * SUB; si++) {
-            size_t at = (size_t)sj * SV_RASTER_SIDE + (size_t)si;
+            size_t at = (size_t)sj * SAMPLES + (size_t)si;
             if (b->raster.triangle[at] != SV_RASTER_NONE)
                 add_sample(b, at, si, sj, &t);
         }
@@ -199,7 +192,7 @@ static void fit_plane(struct bake *b, struct sv_impostor_frame *f)
         /* Holding the slope turns the plane about the middle of what is seen. */
         plane[0] = fitted[0] + (fitted[1] - plane[1]) * mid[0] + (fitted[2] - plane[2]) * mid[1];
     }
-    float side = b->view.step * (float)SV_RASTER_SIDE;
+    float side = b->view.step * (float)SAMPLES;
     double at = plane[0] + plane[1] * (double)b->view.left + plane[2] * (double)b->view.top;
     for (int c = 0; c < 3; c++) {
         f->origin[c] = b->view.left * f->right[c] + b->view.top * f->up[c] + (float)at * f->toward[c];
@@ -286,7 +279,7 @@ enum sv_status sv_impostor_bake(const struct sv_tree_mesh *mesh, struct sv_impos
     if (!made.albedo || !made.normal || !made.open)
         status = sv_fail(error, SV_ENOMEM, "impostor", "no memory for an atlas");
     if (!status)
-        status = sv_raster_init(mesh, &bake.raster, error);
+        status = sv_raster_init(mesh, SAMPLES, SAMPLES, &bake.raster, error);
     if (status) {
         sv_impostor_finish(&made);
         return status;
