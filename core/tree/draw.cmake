@@ -1,6 +1,6 @@
 # sv_tree_draw: what draws trees by OSMesa.
 add_library(sv_tree_draw STATIC draw.c draw_cull.c draw_mesh.c draw_impostor.c impostor.c impostor_bake.c impostor_raster.c
-            cloud_bake.c density.c density_sample.c density_paper.c density_plain.c
+            cloud_bake.c density.c density_sample.c density_paper.c density_plain.c density_save.c
             shade.c shade_outline.c shade_stand.c shade_cast.c)
 target_link_libraries(sv_tree_draw PUBLIC sv_gl sv_tree sv_base sv_dxt m)
 # Windows of sunlight on the ground, which trees are cast into.
