@@ -5,10 +5,13 @@
 #include <string.h>
 
 #include "core/gl/target.h"
+#include "core/tree/draw_cloud.h"
 
 struct tree_forms {
     const struct tree_kit *kit;
     struct sv_tree_draw *draw;
+    struct sv_cloud_draw *clouds;
+    double build_ms[SV_CLOUD_FORM_COUNT];
 };
 
 struct form {
@@ -33,9 +36,29 @@ static size_t bytes_forest(const struct tree_forms *forms, int which)
     return sv_tree_draw_bytes(forms->draw, 0, (enum sv_tree_form)which);
 }
 
+static void draw_cloud(struct tree_forms *forms, const struct sv_gl_frame *frame, int which)
+{
+    struct sv_error error;
+    const struct sv_cull_entry entry = {0, 0};
+    double start = tree_kit_now_ms();
+    tree_kit_must(sv_cloud_draw_build(forms->clouds, 0, (enum sv_cloud_form)which, &error), &error);
+    double took = tree_kit_now_ms() - start;
+    forms->build_ms[which] = took > forms->build_ms[which] ? took : forms->build_ms[which];
+    tree_kit_must(sv_cloud_draw_trees(forms->clouds, (enum sv_cloud_form)which, frame,
+                                      forms->kit->forest.trees, &entry, 1,
+                                      (struct sv_tree_lights){NULL, NULL}, &error),
+                  &error);
+}
+
+static size_t bytes_cloud(const struct tree_forms *forms, int which)
+{
+    return sv_cloud_draw_bytes(forms->clouds, 0, (enum sv_cloud_form)which);
+}
+
 static const struct form FORMS[] = {
     {"polygon", draw_forest, bytes_forest, SV_TREE_FORM_POLYGON},
     {"impostor", draw_forest, bytes_forest, SV_TREE_FORM_IMPOSTOR},
+    {"billboard", draw_cloud, bytes_cloud, SV_CLOUD_FORM_BILLBOARD},
 };
 enum { COUNT = sizeof FORMS / sizeof *FORMS };
 
@@ -64,8 +87,7 @@ size_t tree_forms_bytes(const struct tree_forms *forms, int form)
 
 double tree_forms_build_ms(const struct tree_forms *forms, int form)
 {
-    (void)forms, (void)form;
-    return 0;
+    return FORMS[form].draw == draw_cloud ? forms->build_ms[FORMS[form].which] : 0;
 }
 
 struct tree_forms *tree_forms_create(const struct tree_kit *kit, struct sv_store *store)
@@ -75,11 +97,14 @@ struct tree_forms *tree_forms_create(const struct tree_kit *kit, struct sv_store
     forms->kit = kit;
     const struct sv_tree_draw_species species = {&kit->mesh, kit->key, 1};
     tree_kit_must(sv_tree_draw_create(&species, 1, &kit->forest, store, &forms->draw, &error), &error);
+    tree_kit_must(sv_cloud_draw_create(&species, 1, store, &SV_CLOUD_OPTIONS_DEFAULT, &forms->clouds, &error),
+                  &error);
     return forms;
 }
 
 void tree_forms_destroy(struct tree_forms *forms)
 {
+    sv_cloud_draw_destroy(forms->clouds);
     sv_tree_draw_destroy(forms->draw);
     free(forms);
 }

@@ -17,10 +17,11 @@
 #include "core/tree/impostor_raster.h"
 #include "core/tree/import.h"
 
-static const char *const models[] = {"models/eztree/ez_oak_medium.glb",   "models/eztree/ez_aspen_large.glb",
-                                     "models/quaternius/Birch_1.obj",     "models/quaternius/DeadTree_4.obj",
-                                     "models/gazebo/pine_tree/pine_tree.dae", "models/eztree/ez_bush_1.glb",
-                                     "models/quaternius/Tree_3.obj"};
+static const char *const models[] = {
+    "models/eztree/ez_oak_medium.glb",       "models/eztree/ez_aspen_large.glb",
+    "models/quaternius/Birch_1.obj",         "models/quaternius/DeadTree_4.obj",
+    "models/gazebo/pine_tree/pine_tree.dae", "models/eztree/ez_bush_1.glb",
+    "models/quaternius/Tree_3.obj"};
 
 enum { MODELS = sizeof models / sizeof models[0] };
 
@@ -46,7 +47,8 @@ bool cloud_fixture_mesh(int species, uint32_t leaves, struct sv_tree_mesh *mesh)
         return true;
     }
     const char *root = getenv("SV_DATA");
-    snprintf(path, sizeof path, "%s/%s", root && *root ? root : "../shared/data", models[species - SV_HABIT_COUNT]);
+    snprintf(path, sizeof path, "%s/%s", root && *root ? root : "../shared/data",
+             models[species - SV_HABIT_COUNT]);
     if (access(path, R_OK) != 0)
         return false;
     if (sv_tree_import(path, mesh, NULL, &error) != SV_OK)

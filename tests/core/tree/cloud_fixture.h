@@ -18,8 +18,9 @@ bool cloud_fixture_mesh(int species, uint32_t leaves, struct sv_tree_mesh *mesh)
 void cloud_fixture_flatten(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
                            struct sv_tree_mesh *flat);
 
-/* Share of a square picture that holds the unit-height tree (side 1.2 + 2 radius, SIDE samples) which the mesh
- * covers, seen from each of `count` directions of the Fibonacci sphere's upper half, the alpha test included. */
+/* Share of a square picture that holds the unit-height tree (side 1.2 + 2 radius, SIDE samples) which the
+ * mesh covers, seen from each of `count` directions of the Fibonacci sphere's upper half, the alpha test
+ * included. */
 void cloud_fixture_coverage(const struct sv_tree_mesh *mesh, int count, double *out);
 void cloud_fixture_direction(int index, int count, double direction[3]);
 

@@ -48,8 +48,8 @@ static void coverage_is_even(void **state)
     double *own = malloc((size_t)views * sizeof *own), *shown = malloc((size_t)views * sizeof *shown);
     assert_non_null(own);
     assert_non_null(shown);
-    printf("%-22s %7s %6s %7s %7s %7s | coverage/mesh: low high mean (over %d views)\n", "species", "leaves", "ms",
-           "pieces", "rms", "seen", views);
+    printf("%-22s %7s %6s %7s %7s %7s | coverage/mesh: low high mean (over %d views)\n", "species", "leaves",
+           "ms", "pieces", "rms", "seen", views);
     for (int s = 0; s < cloud_fixture_count(); s++) {
         struct sv_tree_mesh mesh, flat;
         struct sv_tree_cloud cloud;
@@ -67,8 +67,9 @@ static void coverage_is_even(void **state)
         for (int k = 0; k < views; k++)
             shown[k] /= own[k];
         struct spread even = spread_of(shown, views);
-        printf("%-22s %7u %6.0f %7u %7.4f %7.4f | %.3f %.3f %.3f\n", cloud_fixture_name(s), mesh.leaf_count, ms,
-               cloud.piece_count, (double)cloud.rms, (double)cloud.view_rms, even.low, even.high, even.mean);
+        printf("%-22s %7u %6.0f %7u %7.4f %7.4f | %.3f %.3f %.3f\n", cloud_fixture_name(s), mesh.leaf_count,
+               ms, cloud.piece_count, (double)cloud.rms, (double)cloud.view_rms, even.low, even.high,
+               even.mean);
         sv_tree_cloud_finish(&cloud);
         sv_tree_mesh_finish(&flat);
         sv_tree_mesh_finish(&mesh);
