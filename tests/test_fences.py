@@ -22,6 +22,7 @@ FENCES = [  # header pattern, where it may stand
     (r"gdal|ogr_|cpl_|proj\.h|geos_c", r"core/geo/"),
     (r"assimp/", r"core/tree/import\.c"),
     (r"OpenImageIO/|tiffio|webp/|geotiff|xtiffio", r"core/image/"),
+    (r"stb", r"core/image/dxt\.c"),
     (r"embree3/", r"core/truth/"),
 ]
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^">]+)[">]', re.M)

@@ -39,6 +39,7 @@
     X(PFNGLCOMPILESHADERPROC, CompileShader)                                                             \
     X(PFNGLCOMPRESSEDTEXIMAGE2DPROC, CompressedTexImage2D)                                               \
     X(PFNGLCOMPRESSEDTEXSUBIMAGE2DPROC, CompressedTexSubImage2D)                                         \
+    X(PFNGLCOMPRESSEDTEXSUBIMAGE3DPROC, CompressedTexSubImage3D)                                         \
     X(PFNGLCREATEPROGRAMPROC, CreateProgram)                                                             \
     X(PFNGLCREATESHADERPROC, CreateShader)                                                               \
     X(PFNGLCULLFACEPROC, CullFace)                                                                       \

@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/image/dxt.h"
+
 enum {
     HEADER_BYTES = 128,
     DX10_BYTES = 20,
@@ -37,54 +39,12 @@ static uint32_t get32(const unsigned char *p)
     return get16(p) | get16(p + 2) << 16;
 }
 
-static void expand565(uint32_t v, int rgb[3])
-{
-    int r = (int)(v >> 11), g = (int)(v >> 5 & 63), b = (int)(v & 31);
-    rgb[0] = r << 3 | r >> 2, rgb[1] = g << 2 | g >> 4, rgb[2] = b << 3 | b >> 2;
-}
-
-/* The four colours of a block; with three (DXT1, first not above second) the last is clear. */
-static void block_colors(const unsigned char *p, bool may_be_three, unsigned char colors[4][4])
-{
-    int a[3], b[3];
-    uint32_t first = get16(p), second = get16(p + 2);
-    expand565(first, a);
-    expand565(second, b);
-    bool three = may_be_three && first <= second;
-    for (int k = 0; k < 3; k++) {
-        colors[0][k] = (unsigned char)a[k];
-        colors[1][k] = (unsigned char)b[k];
-        colors[2][k] = (unsigned char)(three ? (a[k] + b[k]) / 2 : (2 * a[k] + b[k]) / 3);
-        colors[3][k] = (unsigned char)(three ? 0 : (a[k] + 2 * b[k]) / 3);
-    }
-    for (int k = 0; k < 4; k++)
-        colors[k][3] = three && k == 3 ? 0 : 255;
-}
-
-static void block_alpha5(const unsigned char *p, unsigned char alpha[16])
-{
-    int a[8] = {p[0], p[1]};
-    for (int k = 2; k < 8; k++)
-        a[k] = p[0] > p[1] ? ((8 - k) * p[0] + (k - 1) * p[1]) / 7
-               : k < 6     ? ((6 - k) * p[0] + (k - 1) * p[1]) / 5
-                           : (k == 6 ? 0 : 255);
-    uint64_t bits = 0;
-    for (int k = 5; k >= 0; k--)
-        bits = bits << 8 | p[2 + k];
-    for (int i = 0; i < 16; i++, bits >>= 3)
-        alpha[i] = (unsigned char)a[bits & 7];
-}
-
 static void decode_block(const struct dds *d, const unsigned char *p, unsigned char texels[16][4])
 {
-    unsigned char colors[4][4], alpha[16];
-    const unsigned char *color = p + d->block_bytes - 8;
-    block_colors(color, d->block_bytes == 8, colors);
-    uint32_t bits = get32(color + 4);
-    for (int i = 0; i < 16; i++, bits >>= 2)
-        memcpy(texels[i], colors[bits & 3], 4);
+    unsigned char alpha[16];
+    sv_dxt_block_color(p + d->block_bytes - 8, d->block_bytes == 8, texels);
     if (d->dxt5)
-        block_alpha5(p, alpha);
+        sv_dxt_block_alpha5(p, alpha);
     for (int i = 0; i < 16; i++) {
         if (d->dxt3)
             texels[i][3] = (unsigned char)((p[i / 2] >> (i % 2 * 4) & 15) * 17);

@@ -14,8 +14,9 @@
 
 #include "core/base/color.h"
 #include "core/tree/impostor_raster.h"
+#include "core/tree/least_squares.h"
 
-enum { SUB = SV_RASTER_SIDE / SV_IMPOSTOR_CELL };
+enum { SUB = 3, SAMPLES = SUB * SV_IMPOSTOR_CELL };
 
 /* tan of the steepest tilt of a quad against its frame: neighbours are at most 18 degrees apart, half of that
  * plus 60 stays well under 90. Own choice. */
@@ -31,15 +32,13 @@ struct texel {
     int count;
 };
 
-enum { UNKNOWNS_MAX = 4 };
-
 struct bake {
     struct sv_impostor *out;
     struct sv_raster raster;
     struct sv_raster_view view;
     /* Normal equations: of the frame's plane (d from 1, x, y), and of the species' translucency from colour
      * (r, g, b, 1). */
-    double plane[UNKNOWNS_MAX][UNKNOWNS_MAX + 1], leaf[UNKNOWNS_MAX][UNKNOWNS_MAX + 1];
+    double plane[SV_UNKNOWNS_MAX][SV_UNKNOWNS_MAX + 1], leaf[SV_UNKNOWNS_MAX][SV_UNKNOWNS_MAX + 1];
     double square[6], weight; /* of the frame: as in a texel */
 };
 
@@ -55,18 +54,11 @@ static void add_sample(const struct bake *b, size_t at, int i, int j, struct tex
     const struct sv_tree_material *material = &r->mesh->materials[r->material[at]];
     const uint32_t *index = r->mesh->indices + r->triangle[at];
     const struct sv_tree_vertex *v[3];
-    float x[3], y[3], w[3], n[3] = {0}, uv[2] = {0}, occlusion = 0, rgb[3];
-    for (int k = 0; k < 3; k++) {
-        v[k] = &r->mesh->vertices[index[k]];
-        x[k] = r->x[index[k]];
-        y[k] = r->y[index[k]];
-    }
+    float w[3], n[3] = {0}, uv[2] = {0}, occlusion = 0, rgb[3];
     float open[4] = {0};
-    float px = (float)i + 0.5f, py = (float)j + 0.5f;
-    float area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
-    w[1] = ((px - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (py - y[0])) / area;
-    w[2] = ((x[1] - x[0]) * (py - y[0]) - (px - x[0]) * (y[1] - y[0])) / area;
-    w[0] = 1 - w[1] - w[2];
+    sv_raster_weights(r, i, j, w);
+    for (int k = 0; k < 3; k++)
+        v[k] = &r->mesh->vertices[index[k]];
     for (int k = 0; k < 3; k++) {
         for (int c = 0; c < 3; c++)
             n[c] += w[k] * (float)v[k]->normal[c];
@@ -99,41 +91,6 @@ static void add_sample(const struct bake *b, size_t at, int i, int j, struct tex
     texel->count++;
 }
 
-/* Solves n equations by elimination with pivots, in place; false when they are singular. */
-static bool solve(int n, double m[UNKNOWNS_MAX][UNKNOWNS_MAX + 1], double out[UNKNOWNS_MAX])
-{
-    for (int k = 0; k < n; k++) {
-        int best = k;
-        for (int i = k + 1; i < n; i++)
-            best = fabs(m[i][k]) > fabs(m[best][k]) ? i : best;
-        for (int c = 0; c <= n; c++) {
-            double swap = m[k][c];
-            m[k][c] = m[best][c];
-            m[best][c] = swap;
-        }
-        if (!(fabs(m[k][k]) > 1e-12))
-            return false;
-        for (int i = 0; i < n; i++) {
-            double f = i == k ? 0 : m[i][k] / m[k][k];
-            for (int c = k; c <= n; c++)
-                m[i][c] -= f * m[k][c];
-        }
-    }
-    for (int k = 0; k < n; k++)
-        out[k] = m[k][n] / m[k][k];
-    return true;
-}
-
-static void add_equation(double m[UNKNOWNS_MAX][UNKNOWNS_MAX + 1], int n, const double *row, double value,
-                         double weight)
-{
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < n; k++)
-            m[i][k] += weight * row[i] * row[k];
-        m[i][n] += weight * row[i] * value;
-    }
-}
-
 static uint8_t unit_code(float v)
 {
     return (uint8_t)(fminf(fmaxf(v, 0), 1) * 255.0f + 0.5f);
@@ -161,7 +118,7 @@ static void resolve_texel(struct bake *b, int i, int j, size_t texel_at)
     struct texel t = {.count = 0};
     for (int sj = j * SUB; sj < (j + 1) * SUB; sj++)
         for (int si = i * SUB; si < (i + 1) * SUB; si++) {
-            size_t at = (size_t)sj * SV_RASTER_SIDE + (size_t)si;
+            size_t at = (size_t)sj * SAMPLES + (size_t)si;
             if (b->raster.triangle[at] != SV_RASTER_NONE)
                 add_sample(b, at, si, sj, &t);
         }
@@ -172,11 +129,11 @@ static void resolve_texel(struct bake *b, int i, int j, size_t texel_at)
     const double place[3] = {1, (double)b->view.left + (i + 0.5) * step,
                              (double)b->view.top - (j + 0.5) * step};
     const double color[4] = {(double)t.rgb[0] / count, (double)t.rgb[1] / count, (double)t.rgb[2] / count, 1};
-    add_equation(b->plane, 3, place, (double)t.depth / count, count);
+    sv_least_squares_add(b->plane, 3, place, (double)t.depth / count, count);
     for (int c = 0; c < 6; c++)
         b->square[c] += (double)t.square[c];
     b->weight += (double)t.weight;
-    add_equation(b->leaf, 4, color, (double)t.translucency / count, count);
+    sv_least_squares_add(b->leaf, 4, color, (double)t.translucency / count, count);
 }
 
 /* The quad's plane; falls back to the plane square to the view through the axis' middle. */
@@ -185,13 +142,13 @@ static void fit_plane(struct bake *b, struct sv_impostor_frame *f)
     double across = 1 - (double)f->toward[2] * (double)f->toward[2], seen = b->plane[0][0];
     double plane[3] = {0.5 * (double)f->toward[2], 0, 0};
     const double foot[3] = {1, 0, 0};
-    add_equation(b->plane, 3, foot, 0, FOOT_WEIGHT * across * seen);
+    sv_least_squares_add(b->plane, 3, foot, 0, FOOT_WEIGHT * across * seen);
     /* A little of "no slope", so that a bare pole still has an answer. */
     b->plane[1][1] += 1e-3 * seen;
     b->plane[2][2] += 1e-3 * seen;
-    double fitted[UNKNOWNS_MAX], total = b->plane[0][0];
+    double fitted[SV_UNKNOWNS_MAX], total = b->plane[0][0];
     double mid[2] = {b->plane[0][1] / total, b->plane[0][2] / total};
-    if (seen > 0 && solve(3, b->plane, fitted)) {
+    if (seen > 0 && sv_least_squares_solve(3, b->plane, fitted)) {
         double slope = sqrt(fitted[1] * fitted[1] + fitted[2] * fitted[2]);
         double hold = slope > SLOPE_MAX ? SLOPE_MAX / slope : 1;
         plane[1] = fitted[1] * hold;
@@ -199,7 +156,7 @@ static void fit_plane(struct bake *b, struct sv_impostor_frame *f)
         /* Holding the slope turns the plane about the middle of what is seen. */
         plane[0] = fitted[0] + (fitted[1] - plane[1]) * mid[0] + (fitted[2] - plane[2]) * mid[1];
     }
-    float side = b->view.step * (float)SV_RASTER_SIDE;
+    float side = b->view.step * (float)SAMPLES;
     double at = plane[0] + plane[1] * (double)b->view.left + plane[2] * (double)b->view.top;
     for (int c = 0; c < 3; c++) {
         f->origin[c] = b->view.left * f->right[c] + b->view.top * f->up[c] + (float)at * f->toward[c];
@@ -259,22 +216,6 @@ static void bake_frame(struct bake *b, int frame)
     f->t_max = (float)hi[1] / SV_IMPOSTOR_CELL;
 }
 
-/* Translucency of what a texel shows, told by its colour: bark and leaves differ in it, and a linear rule
- * goes through all filtering unharmed. Least squares; where colour tells nothing this is the mean. */
-static void fit_translucency(struct bake *b)
-{
-    double seen = b->leaf[3][3], fitted[UNKNOWNS_MAX];
-    double mean = seen > 0 ? b->leaf[3][4] / seen : 0;
-    memset(b->out->translucency, 0, sizeof b->out->translucency);
-    for (int c = 0; c < 3; c++)
-        b->leaf[c][c] += 1e-6 * seen; /* one colour alone still has an answer */
-    bool solved = seen > 0 && solve(4, b->leaf, fitted);
-    for (int c = 0; solved && c < 4; c++)
-        solved = fabs(fitted[c]) < 1e5;
-    for (int c = 0; c < 4; c++)
-        b->out->translucency[c] = solved ? (float)fitted[c] : c == 3 ? (float)mean : 0;
-}
-
 enum sv_status sv_impostor_bake(const struct sv_tree_mesh *mesh, struct sv_impostor *impostor,
                                 struct sv_error *error)
 {
@@ -286,14 +227,14 @@ enum sv_status sv_impostor_bake(const struct sv_tree_mesh *mesh, struct sv_impos
     if (!made.albedo || !made.normal || !made.open)
         status = sv_fail(error, SV_ENOMEM, "impostor", "no memory for an atlas");
     if (!status)
-        status = sv_raster_init(mesh, &bake.raster, error);
+        status = sv_raster_init(mesh, SAMPLES, SAMPLES, &bake.raster, error);
     if (status) {
         sv_impostor_finish(&made);
         return status;
     }
     for (int k = 0; k < SV_IMPOSTOR_FRAMES; k++)
         bake_frame(&bake, k);
-    fit_translucency(&bake);
+    sv_translucency_rule(bake.leaf, bake.out->translucency);
     sv_raster_finish(&bake.raster);
     *impostor = made;
     return SV_OK;

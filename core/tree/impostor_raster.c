@@ -61,22 +61,51 @@ static enum sv_status prepare_texture(const struct sv_tree_material *m, struct s
     return SV_OK;
 }
 
-enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, struct sv_raster *raster,
-                              struct sv_error *error)
+enum sv_status sv_raster_set_mesh(struct sv_raster *r, const struct sv_tree_mesh *mesh,
+                                  struct sv_error *error)
 {
-    size_t samples = (size_t)SV_RASTER_SIDE * SV_RASTER_SIDE,
-           count = mesh->vertex_count ? mesh->vertex_count : 1;
-    *raster = (struct sv_raster){.mesh = mesh,
-                                 .x = malloc(count * sizeof(float)),
-                                 .y = malloc(count * sizeof(float)),
-                                 .z = malloc(count * sizeof(float)),
-                                 .depth = malloc(samples * sizeof(float)),
-                                 .triangle = malloc(samples * sizeof(int32_t)),
-                                 .material = malloc(samples)};
-    enum sv_status status = SV_OK;
-    if (!raster->x || !raster->y || !raster->z || !raster->depth || !raster->triangle || !raster->material)
-        status = sv_fail(error, SV_ENOMEM, "impostor", "no memory to bake a mesh of %u vertices",
-                         mesh->vertex_count);
+    uint32_t count = mesh->vertex_count ? mesh->vertex_count : 1;
+    r->mesh = mesh;
+    if (r->vertex_room >= count)
+        return SV_OK;
+    free(r->x);
+    free(r->y);
+    free(r->z);
+    r->x = malloc(count * sizeof(float));
+    r->y = malloc(count * sizeof(float));
+    r->z = malloc(count * sizeof(float));
+    r->vertex_room = r->x && r->y && r->z ? count : 0;
+    if (r->vertex_room)
+        return SV_OK;
+    return sv_fail(error, SV_ENOMEM, "raster", "no memory to draw a mesh of %u vertices", count);
+}
+
+enum sv_status sv_raster_resize(struct sv_raster *r, int width, int height, struct sv_error *error)
+{
+    size_t samples = (size_t)width * (size_t)height;
+    r->width = width;
+    r->height = height;
+    if (samples <= r->sample_room)
+        return SV_OK;
+    free(r->depth);
+    free(r->triangle);
+    free(r->material);
+    r->depth = malloc(samples * sizeof(float));
+    r->triangle = malloc(samples * sizeof(int32_t));
+    r->material = malloc(samples);
+    r->sample_room = r->depth && r->triangle && r->material ? samples : 0;
+    if (r->sample_room)
+        return SV_OK;
+    return sv_fail(error, SV_ENOMEM, "raster", "no memory for a picture of %d x %d", width, height);
+}
+
+enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, int width, int height,
+                              struct sv_raster *raster, struct sv_error *error)
+{
+    *raster = (struct sv_raster){.mesh = mesh};
+    enum sv_status status = sv_raster_resize(raster, width, height, error);
+    if (!status)
+        status = sv_raster_set_mesh(raster, mesh, error);
     for (int m = 0; !status && m < mesh->material_count; m++)
         status = prepare_texture(&mesh->materials[m], &raster->textures[m], error);
     if (status)
@@ -120,7 +149,7 @@ void sv_raster_aim(struct sv_raster *r, struct sv_raster_view *view)
     side = fmaxf(side, 1e-3f) * 1.0001f;
     view->left = count ? 0.5f * (lo[0] + hi[0] - side) : -0.5f;
     view->top = count ? 0.5f * (lo[1] + hi[1] + side) : 0.5f;
-    view->step = side / (float)SV_RASTER_SIDE;
+    view->step = side / (float)r->width;
     float inverse = 1.0f / view->step;
     for (uint32_t i = 0; i < count; i++) {
         r->x[i] = (r->x[i] - view->left) * inverse;
@@ -205,9 +234,9 @@ static void fill_row(struct sv_raster *r, const struct patch *t, int j, int firs
 {
     float fj = (float)j, z0 = t->z.at + t->z.dy * fj, dz = t->z.dx;
     float u0 = t->u.at + t->u.dy * fj, v0 = t->v.at + t->v.dy * fj;
-    float *depth = r->depth + (size_t)j * SV_RASTER_SIDE;
-    int32_t *triangle = r->triangle + (size_t)j * SV_RASTER_SIDE;
-    uint8_t *material = r->material + (size_t)j * SV_RASTER_SIDE;
+    float *depth = r->depth + (size_t)j * (size_t)r->width;
+    int32_t *triangle = r->triangle + (size_t)j * (size_t)r->width;
+    uint8_t *material = r->material + (size_t)j * (size_t)r->width;
     for (int i = first; i <= last; i++) {
         float fi = (float)i, z = z0 + dz * fi;
         if (z <= depth[i])
@@ -231,9 +260,9 @@ static void fill(struct sv_raster *r, const struct patch *t)
     }
 }
 
-static int clamp_sample(float v)
+static int clamp_sample(float v, int side)
 {
-    return v < 0 ? 0 : v > SV_RASTER_SIDE - 1 ? SV_RASTER_SIDE - 1 : (int)v;
+    return v < 0 ? 0 : v > (float)(side - 1) ? side - 1 : (int)v;
 }
 
 static void draw_triangle(struct sv_raster *r, uint32_t first, struct patch *t)
@@ -246,10 +275,10 @@ static void draw_triangle(struct sv_raster *r, uint32_t first, struct patch *t)
     if (!(fabsf(area) > 1e-9f))
         return;
     /* Samples whose centre lies in the box: i + 0.5 in [lo, hi]. Off the picture only by rounding. */
-    t->x0 = clamp_sample(low3(p[0].x, p[1].x, p[2].x) + 0.49999f);
-    t->y0 = clamp_sample(low3(p[0].y, p[1].y, p[2].y) + 0.49999f);
-    t->x1 = clamp_sample(high3(p[0].x, p[1].x, p[2].x) - 0.5f);
-    t->y1 = clamp_sample(high3(p[0].y, p[1].y, p[2].y) - 0.5f);
+    t->x0 = clamp_sample(low3(p[0].x, p[1].x, p[2].x) + 0.49999f, r->width);
+    t->y0 = clamp_sample(low3(p[0].y, p[1].y, p[2].y) + 0.49999f, r->height);
+    t->x1 = clamp_sample(high3(p[0].x, p[1].x, p[2].x) - 0.5f, r->width);
+    t->y1 = clamp_sample(high3(p[0].y, p[1].y, p[2].y) - 0.5f, r->height);
     if (t->x1 < t->x0 || t->y1 < t->y0)
         return;
     float inverse = 1.0f / area;
@@ -271,7 +300,7 @@ static void draw_triangle(struct sv_raster *r, uint32_t first, struct patch *t)
 
 void sv_raster_draw(struct sv_raster *r)
 {
-    size_t samples = (size_t)SV_RASTER_SIDE * SV_RASTER_SIDE;
+    size_t samples = (size_t)r->width * (size_t)r->height;
     for (size_t i = 0; i < samples; i++) {
         r->depth[i] = -INFINITY;
         r->triangle[i] = SV_RASTER_NONE;
@@ -283,6 +312,20 @@ void sv_raster_draw(struct sv_raster *r)
         for (uint32_t i = 0; i + 2 < material->index_count; i += 3)
             draw_triangle(r, material->first_index + i, &t);
     }
+}
+
+void sv_raster_weights(const struct sv_raster *r, int i, int j, float w[3])
+{
+    const uint32_t *index = r->mesh->indices + r->triangle[(size_t)j * (size_t)r->width + (size_t)i];
+    float x[3], y[3], px = (float)i + 0.5f, py = (float)j + 0.5f;
+    for (int k = 0; k < 3; k++) {
+        x[k] = r->x[index[k]];
+        y[k] = r->y[index[k]];
+    }
+    float area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
+    w[1] = ((px - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (py - y[0])) / area;
+    w[2] = ((x[1] - x[0]) * (py - y[0]) - (px - x[0]) * (y[1] - y[0])) / area;
+    w[0] = 1 - w[1] - w[2];
 }
 
 void sv_raster_color(const struct sv_raster *raster, int material, float u, float v, float rgb[3])

@@ -1,15 +1,14 @@
-/* impostor_raster.h - which triangle is seen at each sample of an orthographic picture of a mesh: the bake's
- * z-buffer.
+/* impostor_raster.h - which triangle is seen at each sample of an orthographic picture of a mesh: the
+ * z-buffer of the bakes (impostor_bake.c, cloud_bake.c).
  *
- * Keeps only depth and triangle; what a sample looks like is worked out once, for what is seen
- * (impostor_bake.c). The alpha test is that of mesh.h, on masks prepared at no less than 256 texels a side.
- * Private to core/tree. */
+ * Keeps only depth and triangle; what a sample looks like is worked out once, for what is seen. The alpha
+ * test is that of mesh.h, on masks prepared at no less than 256 texels a side. Private to core/tree. */
 #ifndef SV_TREE_IMPOSTOR_RASTER_H
 #define SV_TREE_IMPOSTOR_RASTER_H
 
 #include "core/tree/mesh.h"
 
-enum { SV_RASTER_SIDE = 384, SV_RASTER_NONE = -1 };
+enum { SV_RASTER_NONE = -1 };
 
 /* A material's texture as the bake reads it: nearest texel, alpha decided. */
 struct sv_raster_texture {
@@ -21,10 +20,13 @@ struct sv_raster_texture {
 struct sv_raster {
     const struct sv_tree_mesh *mesh;
     struct sv_raster_texture textures[SV_TREE_MATERIALS_MAX];
+    int width, height; /* samples */
+    size_t sample_room;
+    uint32_t vertex_room;
     float *x, *y, *z;  /* of each vertex: samples right, samples down, model units towards the viewer */
-    float *depth;      /* SIDE x SIDE, row 0 at the top */
-    int32_t *triangle; /* SIDE x SIDE: index of the triangle's first index, or NONE */
-    uint8_t *material; /* SIDE x SIDE: valid where triangle is not NONE */
+    float *depth;      /* width x height, row 0 at the top */
+    int32_t *triangle; /* width x height: index of the triangle's first index, or NONE */
+    uint8_t *material; /* width x height: valid where triangle is not NONE */
 };
 
 /* Where the picture lies: sample (i, j) of the cell is at left + (i + 0.5) step along right, top - (j + 0.5)
@@ -34,10 +36,19 @@ struct sv_raster_view {
     float left, top, step;
 };
 
-SV_MUST_CHECK enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, struct sv_raster *raster,
-                                            struct sv_error *error);
+/* width, height 1 .. 16384. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, int width, int height,
+                                            struct sv_raster *raster, struct sv_error *error);
 void sv_raster_finish(struct sv_raster *raster);
-/* Sets the square view of side SIDE that just holds the mesh, and transforms the vertices. */
+/* Takes another mesh of the same materials; x, y, z are the caller's to fill. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_raster_set_mesh(struct sv_raster *raster, const struct sv_tree_mesh *mesh,
+                                                struct sv_error *error);
+/* Another size of picture. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_raster_resize(struct sv_raster *raster, int width, int height,
+                                              struct sv_error *error);
+/* Weights of the seen triangle's corners at sample (i, j), which shows one. */
+void sv_raster_weights(const struct sv_raster *raster, int i, int j, float weights[3]);
+/* For a square raster: sets the square view that just holds the mesh, and transforms the vertices. */
 void sv_raster_aim(struct sv_raster *raster, struct sv_raster_view *view);
 void sv_raster_draw(struct sv_raster *raster);
 /* Colour (linear, base colour included) of the texture at uv. */

@@ -1,0 +1,641 @@
+/* draw_cloud.c - see draw_cloud.h.
+ *
+ * Planes of one tree hide each other, so their order matters: each species has, for each of BINS directions
+ * to the viewer, the list of its planes from the nearest to the farthest, as indices. The list of trees is
+ * cut into groups of 8, 16, 32 ... (as in draw_mesh.c); in a group, trees of one species that are seen from
+ * one bin are one instanced call. */
+#include "core/tree/draw_cloud.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/color.h"
+#include "core/base/rng.h"
+#include "core/base/vec.h"
+#include "core/gl/context.h"
+#include "core/gl/functions.h"
+#include "core/gl/program.h"
+#include "core/scene/id.h"
+#include "core/tree/draw_cloud_form.h"
+
+enum { GROUP_FIRST = 8, BINS = 128 };
+enum { CORNERS = SV_CLOUD_OUTLINE, PLANE_INDICES = 3 * (CORNERS - 2) };
+enum {
+    AT_POSITION,
+    AT_CENTRE,
+    AT_PICTURE,
+    AT_RECTANGLE,
+    AT_U,
+    AT_V,
+    AT_PLACE,
+    AT_TURN,
+    AT_ID,
+    AT_LIGHT, /* and the next: a column of the light's grid each */
+};            /* locations in tree_cloud.vert */
+enum { UNIFORM_ACROSS = 2, UNIFORM_ALONG = 3, UNIFORM_EDGE_ON = 4, UNIFORM_PARAMS = 8 };
+
+/* Cosine between a plane and the view below which it is left out: it would show smeared columns of texels,
+ * and adds EDGE_ON^2 of its area at most (1 % of what a tree covers, over all planes). */
+static const float EDGE_ON = 0.1f;
+
+struct cloud_vertex {
+    float position[3], centre[3], picture[3], rectangle[4]; /* rectangle: s, t; half sizes */
+    int16_t u[4], v[4];                                     /* unit * 32767 */
+};
+
+struct instance {
+    float place[4]; /* eye-relative foot, m; height, m */
+    float turn[2];  /* cos, sin of the rotation */
+    uint32_t id, reserved;
+};
+
+_Static_assert(SV_SHADE_COLUMNS == 2 && SV_SHADE_ROWS == 4 && sizeof(struct sv_tree_light) == 8,
+               "tree_light.glsl reads two columns of four");
+
+/* A species in a form. */
+struct form_species {
+    bool built;
+    struct sv_cloud_textures textures;
+    GLuint array, vertices, indices;
+    int plane_count; /* that show anything: so many times PLANE_INDICES indices a bin */
+    size_t bytes;
+};
+
+struct cloud_species {
+    struct sv_tree_draw_species of;
+    int owner; /* index of the species of the same mesh that all is kept at */
+    bool fitted;
+    struct sv_tree_cloud cloud;
+    struct form_species forms[SV_CLOUD_FORM_COUNT];
+};
+
+struct sv_cloud_draw {
+    struct sv_cloud_options options;
+    struct sv_store *store;
+    int species_count;
+    struct cloud_species *species;
+    GLuint programs[SV_CLOUD_FORM_COUNT][2]; /* without and with light; made when first needed */
+    GLuint instances, lights;
+    float bins[BINS][3];
+    /* What is drawn, in order: heap, room entries each. */
+    struct instance *staging;
+    struct sv_tree_light *light_staging;
+    uint32_t *keys, *order; /* species * BINS + bin of an entry; entries of a group in the order of keys */
+    uint32_t *counts;       /* species_count * BINS + 1 */
+    uint32_t room;
+};
+
+/* ---- what a species has ---- */
+
+static uint64_t store_key(uint64_t key, const struct sv_cloud_options *o)
+{
+    const struct sv_cloud_options d = SV_CLOUD_OPTIONS_DEFAULT;
+    if (o->planes == d.planes && o->stem_planes == d.stem_planes && o->restarts == d.restarts &&
+        o->lambda == d.lambda && o->seed == d.seed)
+        return key;
+    uint64_t lambda;
+    memcpy(&lambda, &o->lambda, sizeof lambda);
+    key =
+        sv_mix64(key ^ ((uint64_t)o->planes << 32 | (uint64_t)o->stem_planes << 16 | (uint64_t)o->restarts));
+    return sv_mix64(sv_mix64(key ^ lambda) ^ o->seed);
+}
+
+static enum sv_status obtain_cloud(const struct sv_tree_draw_species *species,
+                                   const struct sv_cloud_options *options, struct sv_store *store,
+                                   struct sv_tree_cloud *cloud, struct sv_error *error)
+{
+    void *data;
+    size_t bytes;
+    struct sv_error ignored;
+    uint64_t key = store_key(species->key, options);
+    if (sv_store_get(store, SV_CLOUD_KIND, key, &data, &bytes, &ignored) == SV_OK) {
+        enum sv_status status = sv_tree_cloud_load(data, bytes, cloud, &ignored);
+        free(data);
+        if (status == SV_OK && cloud->plane_count == options->planes &&
+            sv_tree_cloud_check(cloud, species->mesh, &ignored) == SV_OK)
+            return SV_OK;
+        if (status == SV_OK)
+            sv_tree_cloud_finish(cloud);
+        if (status == SV_ENOMEM)
+            return sv_fail(error, status, ignored.field, "%s", ignored.message);
+    }
+    enum sv_status status = sv_tree_cloud_create(species->mesh, options, cloud, error);
+    if (status == SV_OK && store && sv_tree_cloud_save(cloud, &data, &bytes, &ignored) == SV_OK) {
+        sv_store_put(store, SV_CLOUD_KIND, key, data, bytes, &ignored);
+        free(data);
+    }
+    return status;
+}
+
+static enum sv_status build_blob(const struct sv_tree_draw_species *species,
+                                 const struct sv_tree_cloud *cloud, const struct sv_cloud_form_row *row,
+                                 uint64_t key, struct sv_store *store, void **data, size_t *bytes,
+                                 struct sv_error *error)
+{
+    struct sv_error ignored;
+    enum sv_status status = row->build(species->mesh, cloud, data, bytes, error);
+    if (status == SV_OK && store)
+        sv_store_put(store, row->kind, key, *data, *bytes, &ignored);
+    return status;
+}
+
+enum sv_status sv_cloud_form_prepare(const struct sv_tree_draw_species *species, enum sv_cloud_form form,
+                                     const struct sv_cloud_options *options, struct sv_store *store,
+                                     struct sv_error *error)
+{
+    struct sv_tree_cloud cloud = {0};
+    struct sv_error ignored;
+    void *data = NULL;
+    size_t bytes;
+    const struct sv_cloud_form_row *row = &sv_cloud_forms[form];
+    uint64_t key = store_key(species->key, options);
+    sv_color_init();
+    enum sv_status status = obtain_cloud(species, options, store, &cloud, error);
+    if (status == SV_OK && sv_store_get(store, row->kind, key, &data, &bytes, &ignored) != SV_OK) {
+        data = NULL;
+        status = build_blob(species, &cloud, row, key, store, &data, &bytes, error);
+    }
+    free(data);
+    sv_tree_cloud_finish(&cloud);
+    return status;
+}
+
+/* ---- planes ---- */
+
+static float dot3(const float a[3], const float b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Corner k of the octagon: where lines k and k + 1 meet; of the rectangle where there is no outline. */
+static void corner_of(const float outline[CORNERS], int k, float st[2])
+{
+    static const float h = 0.70710678f;
+    static const float a[CORNERS] = {1, 0.70710678f, 0, -0.70710678f, -1, -0.70710678f, 0, 0.70710678f};
+    static const float whole[CORNERS][2] = {{1, 1}, {1, 1}, {0, 1}, {0, 1}, {0, 0}, {0, 0}, {1, 0}, {1, 0}};
+    int n = (k + 1) % CORNERS;
+    if (!(outline[0] < 1e6f)) {
+        memcpy(st, whole[k], sizeof whole[k]);
+        return;
+    }
+    float a0 = a[k], b0 = a[(k + 6) % CORNERS], a1 = a[n], b1 = a[(n + 6) % CORNERS]; /* a0 b1 - a1 b0 = h */
+    float s = (outline[k] * b1 - outline[n] * b0) / h, t = (outline[n] * a0 - outline[k] * a1) / h;
+    st[0] = s < 0 ? 0 : s > 1 ? 1 : s;
+    st[1] = t < 0 ? 0 : t > 1 ? 1 : t;
+}
+
+static void put_plane(const struct sv_cloud_plane *plane, int layer, const struct sv_cloud_textures *t,
+                      struct cloud_vertex *out)
+{
+    for (int k = 0; k < CORNERS; k++, out++) {
+        float st[2];
+        corner_of(t->outline[layer], k, st);
+        float x = (2 * st[0] - 1) * plane->half[0], y = (1 - 2 * st[1]) * plane->half[1];
+        *out = (struct cloud_vertex){.picture = {t->tile[layer][0] + t->tile[layer][2] * st[0],
+                                                 t->tile[layer][1] + t->tile[layer][3] * st[1], (float)layer},
+                                     .rectangle = {st[0], st[1], plane->half[0], plane->half[1]}};
+        memcpy(out->centre, plane->centre, sizeof out->centre);
+        for (int c = 0; c < 3; c++) {
+            out->position[c] = plane->centre[c] + x * plane->u[c] + y * plane->v[c];
+            out->u[c] = (int16_t)lrintf(plane->u[c] * 32767);
+            out->v[c] = (int16_t)lrintf(plane->v[c] * 32767);
+        }
+    }
+}
+
+/* Indices of the planes shown[0 .. count) from the one nearest to a viewer in direction d. */
+static void put_order(const struct sv_tree_cloud *cloud, const int *shown, int count, const float d[3],
+                      uint16_t *out)
+{
+    int order[SV_CLOUD_PLANES_MAX];
+    float near[SV_CLOUD_PLANES_MAX];
+    for (int k = 0; k < count; k++) {
+        int at = k;
+        float key = dot3(cloud->planes[shown[k]].centre, d);
+        for (; at > 0 && near[at - 1] < key; at--) {
+            near[at] = near[at - 1];
+            order[at] = order[at - 1];
+        }
+        near[at] = key;
+        order[at] = k;
+    }
+    for (int k = 0; k < count; k++)
+        for (int i = 0; i < CORNERS - 2; i++) {
+            uint16_t first = (uint16_t)(order[k] * CORNERS);
+            *out++ = first;
+            *out++ = (uint16_t)(first + i + 1);
+            *out++ = (uint16_t)(first + i + 2);
+        }
+}
+
+static void set_attributes(const struct sv_cloud_draw *draw)
+{
+    static const struct {
+        GLint size;
+        GLenum type;
+        size_t offset;
+    } rows[] = {
+        [AT_POSITION] = {3, GL_FLOAT, offsetof(struct cloud_vertex, position)},
+        [AT_CENTRE] = {3, GL_FLOAT, offsetof(struct cloud_vertex, centre)},
+        [AT_PICTURE] = {3, GL_FLOAT, offsetof(struct cloud_vertex, picture)},
+        [AT_RECTANGLE] = {4, GL_FLOAT, offsetof(struct cloud_vertex, rectangle)},
+        [AT_U] = {3, GL_SHORT, offsetof(struct cloud_vertex, u)},
+        [AT_V] = {3, GL_SHORT, offsetof(struct cloud_vertex, v)},
+    };
+    for (GLuint k = 0; k < sizeof rows / sizeof rows[0]; k++) {
+        gl.EnableVertexAttribArray(k);
+        gl.VertexAttribPointer(k, rows[k].size, rows[k].type, GL_TRUE, sizeof(struct cloud_vertex),
+                               (const void *)rows[k].offset);
+    }
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->instances);
+    gl.EnableVertexAttribArray(AT_PLACE);
+    gl.VertexAttribPointer(AT_PLACE, 4, GL_FLOAT, GL_FALSE, sizeof(struct instance),
+                           (const void *)offsetof(struct instance, place));
+    gl.EnableVertexAttribArray(AT_TURN);
+    gl.VertexAttribPointer(AT_TURN, 2, GL_FLOAT, GL_FALSE, sizeof(struct instance),
+                           (const void *)offsetof(struct instance, turn));
+    gl.EnableVertexAttribArray(AT_ID);
+    gl.VertexAttribIPointer(AT_ID, 1, GL_UNSIGNED_INT, sizeof(struct instance),
+                            (const void *)offsetof(struct instance, id));
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->lights);
+    for (GLuint c = 0; c < SV_SHADE_COLUMNS; c++)
+        gl.VertexAttribPointer(AT_LIGHT + c, SV_SHADE_ROWS, GL_UNSIGNED_BYTE, GL_TRUE,
+                               sizeof(struct sv_tree_light), (const void *)(size_t)(c * SV_SHADE_ROWS));
+    for (GLuint at = AT_PLACE; at <= AT_LIGHT + 1; at++)
+        gl.VertexAttribDivisor(at, 1);
+}
+
+static enum sv_status build_planes(const struct sv_cloud_draw *draw, const struct sv_tree_cloud *cloud,
+                                   struct form_species *f, struct sv_error *error)
+{
+    int shown[SV_CLOUD_PLANES_MAX];
+    struct cloud_vertex vertices[SV_CLOUD_PLANES_MAX * CORNERS];
+    for (int k = 0; k < cloud->plane_count; k++)
+        if (cloud->planes[k].piece_count > 0 && f->textures.outline[k][0] > -1e6f) {
+            put_plane(&cloud->planes[k], k, &f->textures, vertices + f->plane_count * CORNERS);
+            shown[f->plane_count++] = k;
+        }
+    size_t list = (size_t)f->plane_count * PLANE_INDICES, bytes = BINS * list * sizeof(uint16_t);
+    uint16_t *indices = malloc(bytes + 1);
+    if (!indices)
+        return sv_fail(error, SV_ENOMEM, "cloud", "no memory for the order of %d planes", f->plane_count);
+    for (int bin = 0; bin < BINS; bin++)
+        put_order(cloud, shown, f->plane_count, draw->bins[bin], indices + (size_t)bin * list);
+    gl.GenVertexArrays(1, &f->array);
+    gl.GenBuffers(1, &f->vertices);
+    gl.GenBuffers(1, &f->indices);
+    gl.BindVertexArray(f->array);
+    gl.BindBuffer(GL_ARRAY_BUFFER, f->vertices);
+    size_t vertex_bytes = (size_t)f->plane_count * CORNERS * sizeof *vertices;
+    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)vertex_bytes, vertices, GL_STATIC_DRAW);
+    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, f->indices);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)bytes, indices, GL_STATIC_DRAW);
+    set_attributes(draw);
+    gl.BindVertexArray(0);
+    free(indices);
+    f->bytes = vertex_bytes + bytes;
+    return SV_OK;
+}
+
+static enum sv_status upload_blob(const struct cloud_species *s, const struct sv_cloud_form_row *row,
+                                  const void *data, size_t bytes, struct sv_cloud_textures *t,
+                                  struct sv_error *error)
+{
+    memset(t, 0, sizeof *t);
+    for (int k = 0; k < SV_CLOUD_PLANES_MAX; k++) {
+        t->tile[k][2] = t->tile[k][3] = 1;
+        for (int c = 0; c < SV_CLOUD_OUTLINE; c++)
+            t->outline[k][c] = INFINITY;
+    }
+    enum sv_status status = row->upload(s->of.mesh, &s->cloud, data, bytes, t, error);
+    if (status)
+        gl.DeleteTextures(SV_CLOUD_TEXTURES_MAX, t->name);
+    return status;
+}
+
+static enum sv_status build_textures(struct sv_cloud_draw *draw, struct cloud_species *s,
+                                     enum sv_cloud_form form, struct sv_error *error)
+{
+    const struct sv_cloud_form_row *row = &sv_cloud_forms[form];
+    uint64_t key = store_key(s->of.key, &draw->options);
+    struct sv_cloud_textures *t = &s->forms[form].textures;
+    struct sv_error ignored;
+    void *data;
+    size_t bytes;
+    if (sv_store_get(draw->store, row->kind, key, &data, &bytes, &ignored) == SV_OK) {
+        enum sv_status status = upload_blob(s, row, data, bytes, t, &ignored);
+        free(data);
+        if (status == SV_OK)
+            return SV_OK;
+    }
+    enum sv_status status = build_blob(&s->of, &s->cloud, row, key, draw->store, &data, &bytes, error);
+    if (status)
+        return status;
+    status = upload_blob(s, row, data, bytes, t, error);
+    free(data);
+    return status;
+}
+
+enum sv_status sv_cloud_draw_build(struct sv_cloud_draw *draw, int species, enum sv_cloud_form form,
+                                   struct sv_error *error)
+{
+    struct cloud_species *s = &draw->species[draw->species[species].owner];
+    struct form_species *f = &s->forms[form];
+    enum sv_status status = SV_OK;
+    if (f->built || s->of.tree_count == 0)
+        return SV_OK;
+    if (!s->fitted) {
+        status = obtain_cloud(&s->of, &draw->options, draw->store, &s->cloud, error);
+        s->fitted = status == SV_OK;
+    }
+    if (!status)
+        status = build_textures(draw, s, form, error);
+    if (!status)
+        status = build_planes(draw, &s->cloud, f, error);
+    if (!status)
+        status = sv_gl_check("uploading a billboard cloud", error);
+    f->built = status == SV_OK;
+    f->bytes += f->textures.bytes;
+    return status;
+}
+
+/* ---- life ---- */
+
+static void make_bins(struct sv_cloud_draw *draw)
+{
+    for (int k = 0; k < BINS; k++) {
+        double z = 1 - (2 * k + 1.0) / BINS, across = sqrt(1 - z * z), a = k * 2.39996322972865332;
+        draw->bins[k][0] = (float)(across * cos(a));
+        draw->bins[k][1] = (float)(across * sin(a));
+        draw->bins[k][2] = (float)z;
+    }
+}
+
+enum sv_status sv_cloud_draw_create(const struct sv_tree_draw_species *species, int species_count,
+                                    struct sv_store *store, const struct sv_cloud_options *options,
+                                    struct sv_cloud_draw **out, struct sv_error *error)
+{
+    struct sv_cloud_draw *draw = calloc(1, sizeof *draw);
+    if (draw) {
+        draw->species = calloc((size_t)species_count + 1, sizeof *draw->species);
+        draw->counts = calloc((size_t)species_count * BINS + 1, sizeof *draw->counts);
+    }
+    if (!draw || !draw->species || !draw->counts) {
+        sv_cloud_draw_destroy(draw);
+        return sv_fail(error, SV_ENOMEM, "species", "no memory to draw %d species", species_count);
+    }
+    sv_color_init();
+    draw->options = *options;
+    draw->store = store;
+    draw->species_count = species_count;
+    make_bins(draw);
+    for (int k = 0; k < species_count; k++) {
+        draw->species[k].of = species[k];
+        draw->species[k].owner = k;
+        for (int i = k - 1; i >= 0; i--)
+            if (species[i].tree_count > 0 && species[i].mesh == species[k].mesh)
+                draw->species[k].owner = i;
+    }
+    gl.GenBuffers(1, &draw->instances);
+    gl.GenBuffers(1, &draw->lights);
+    enum sv_status status = sv_gl_check("making buffers for billboard clouds", error);
+    if (status)
+        sv_cloud_draw_destroy(draw);
+    else
+        *out = draw;
+    return status;
+}
+
+void sv_cloud_draw_destroy(struct sv_cloud_draw *draw)
+{
+    if (!draw)
+        return;
+    for (int k = 0; draw->species && k < draw->species_count; k++) {
+        sv_tree_cloud_finish(&draw->species[k].cloud);
+        for (int form = 0; form < SV_CLOUD_FORM_COUNT; form++) {
+            struct form_species *f = &draw->species[k].forms[form];
+            gl.DeleteTextures(SV_CLOUD_TEXTURES_MAX, f->textures.name);
+            gl.DeleteVertexArrays(1, &f->array);
+            gl.DeleteBuffers(1, &f->vertices);
+            gl.DeleteBuffers(1, &f->indices);
+        }
+    }
+    for (int form = 0; form < SV_CLOUD_FORM_COUNT; form++)
+        for (int k = 0; k < 2; k++)
+            gl.DeleteProgram(draw->programs[form][k]);
+    gl.DeleteBuffers(1, &draw->instances);
+    gl.DeleteBuffers(1, &draw->lights);
+    free(draw->species);
+    free(draw->counts);
+    free(draw->staging);
+    free(draw->light_staging);
+    free(draw->keys);
+    free(draw->order);
+    free(draw);
+}
+
+size_t sv_cloud_draw_bytes(const struct sv_cloud_draw *draw, int species, enum sv_cloud_form form)
+{
+    const struct form_species *f = &draw->species[draw->species[species].owner].forms[form];
+    return f->built ? f->bytes : 0;
+}
+
+const struct sv_tree_cloud *sv_cloud_draw_cloud(const struct sv_cloud_draw *draw, int species)
+{
+    const struct cloud_species *s = &draw->species[draw->species[species].owner];
+    return s->fitted ? &s->cloud : NULL;
+}
+
+/* ---- drawing ---- */
+
+static enum sv_status make_program(struct sv_cloud_draw *draw, enum sv_cloud_form form, bool light,
+                                   struct sv_error *error)
+{
+    const struct sv_cloud_form_row *row = &sv_cloud_forms[form];
+    char defines[512] = "";
+    if (draw->programs[form][light])
+        return SV_OK;
+    if (light)
+        strcat(defines, "#define SHADE 1\n");
+    if (row->defines)
+        strncat(defines, row->defines, sizeof defines - strlen(defines) - 1);
+    return sv_gl_program_create("tree_cloud.vert", row->fragment, defines, &draw->programs[form][light],
+                                error);
+}
+
+static enum sv_status make_room(struct sv_cloud_draw *draw, uint32_t count, struct sv_error *error)
+{
+    if (draw->room >= count)
+        return SV_OK;
+    free(draw->staging);
+    free(draw->light_staging);
+    free(draw->keys);
+    free(draw->order);
+    draw->staging = malloc(count * sizeof *draw->staging);
+    draw->light_staging = malloc(count * sizeof *draw->light_staging);
+    draw->keys = malloc(count * sizeof *draw->keys);
+    draw->order = malloc(count * sizeof *draw->order);
+    draw->room = draw->staging && draw->light_staging && draw->keys && draw->order ? count : 0;
+    if (draw->room)
+        return SV_OK;
+    return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u trees", count);
+}
+
+static int bin_of(const struct sv_cloud_draw *draw, const float d[3])
+{
+    int best = 0;
+    float most = -INFINITY;
+    for (int k = 0; k < BINS; k++) {
+        float facing = dot3(draw->bins[k], d);
+        best = facing > most ? k : best;
+        most = facing > most ? facing : most;
+    }
+    return best;
+}
+
+/* Direction to the viewer in the tree's own axes; not unit. */
+static void model_view(const struct sv_camera *camera, const struct sv_tree *tree, float d[3])
+{
+    double v[3] = {camera->eye.x - tree->x, camera->eye.y - tree->y,
+                   camera->eye.z - tree->z - 0.5 * (double)tree->height_m};
+    if (camera->projection == SV_PROJECTION_ORTHOGRAPHIC) {
+        v[0] = -camera->forward.x;
+        v[1] = -camera->forward.y;
+        v[2] = -camera->forward.z;
+    }
+    double c = cos((double)tree->rotation_rad), s = sin((double)tree->rotation_rad);
+    d[0] = (float)(c * v[0] - s * v[1]);
+    d[1] = (float)(c * v[1] + s * v[0]);
+    d[2] = (float)v[2];
+}
+
+static void put_instance(struct instance *i, const struct sv_tree *tree, struct sv_vec3 eye)
+{
+    i->place[0] = (float)(tree->x - eye.x);
+    i->place[1] = (float)(tree->y - eye.y);
+    i->place[2] = (float)(tree->z - eye.z);
+    i->place[3] = tree->height_m;
+    i->turn[0] = cosf(tree->rotation_rad);
+    i->turn[1] = sinf(tree->rotation_rad);
+    i->id = SV_ID_TREE_FIRST + tree->number;
+    i->reserved = 0;
+}
+
+/* Sorts the group by key, order kept within one, and stages its instances from `base` on. */
+static void stage_group(struct sv_cloud_draw *draw, const struct sv_camera *camera,
+                        const struct sv_tree *trees, const struct sv_cull_entry *entries, uint32_t count,
+                        uint32_t base, const struct sv_tree_light *lights)
+{
+    uint32_t key_count = (uint32_t)draw->species_count * BINS;
+    memset(draw->counts, 0, (key_count + 1) * sizeof *draw->counts);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct sv_tree *tree = &trees[entries[i].tree];
+        float d[3];
+        model_view(camera, tree, d);
+        draw->keys[base + i] = tree->species * (uint32_t)BINS + (uint32_t)bin_of(draw, d);
+        draw->counts[draw->keys[base + i] + 1]++;
+    }
+    for (uint32_t k = 0; k < key_count; k++)
+        draw->counts[k + 1] += draw->counts[k];
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t at = base + draw->counts[draw->keys[base + i]]++;
+        const struct sv_tree *tree = &trees[entries[i].tree];
+        draw->order[at] = draw->keys[base + i];
+        put_instance(&draw->staging[at], tree, camera->eye);
+        if (lights)
+            draw->light_staging[at] = lights[entries[i].tree];
+    }
+}
+
+static void upload_instances(const struct sv_cloud_draw *draw, uint32_t count, bool light)
+{
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->instances);
+    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(count * sizeof *draw->staging), draw->staging,
+                  GL_STREAM_DRAW);
+    if (!light)
+        return;
+    gl.BindBuffer(GL_ARRAY_BUFFER, draw->lights);
+    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(count * sizeof *draw->light_staging), draw->light_staging,
+                  GL_STREAM_DRAW);
+}
+
+static void bind_species(const struct form_species *f, const struct sv_tree_light_axes *axes)
+{
+    gl.BindVertexArray(f->array);
+    for (int k = 0; k < SV_CLOUD_TEXTURES_MAX; k++) {
+        if (!f->textures.name[k])
+            continue;
+        gl.ActiveTexture((GLenum)(GL_TEXTURE0 + k));
+        gl.BindTexture(f->textures.target[k], f->textures.name[k]);
+    }
+    gl.Uniform4fv(UNIFORM_PARAMS, SV_CLOUD_PARAMS, f->textures.params[0]);
+    for (GLuint c = 0; c < SV_SHADE_COLUMNS; c++)
+        if (axes)
+            gl.EnableVertexAttribArray(AT_LIGHT + c);
+        else
+            gl.DisableVertexAttribArray(AT_LIGHT + c);
+    if (axes) {
+        gl.Uniform4fv(UNIFORM_ACROSS, 1, axes->across);
+        gl.Uniform4fv(UNIFORM_ALONG, 1, axes->along);
+    }
+}
+
+/* Runs of one key; *bound: the species that is bound, -1 for none. */
+static void draw_runs(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
+                      const struct sv_tree_light_axes *axes, uint32_t first, uint32_t count, int *bound)
+{
+    for (uint32_t i = first, run; i < first + count; i += run) {
+        uint32_t key = draw->order[i];
+        int species = (int)(key / BINS), owner = draw->species[species].owner;
+        const struct form_species *f = &draw->species[owner].forms[form];
+        for (run = 1; i + run < first + count && draw->order[i + run] == key;)
+            run++;
+        if (f->plane_count == 0)
+            continue;
+        if (*bound != species)
+            bind_species(f, axes ? &axes[species] : NULL);
+        *bound = species;
+        size_t list = (size_t)f->plane_count * PLANE_INDICES;
+        gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)list, GL_UNSIGNED_SHORT,
+                                             (const void *)(key % BINS * list * sizeof(uint16_t)),
+                                             (GLsizei)run, i);
+    }
+}
+
+static uint32_t group_size(uint32_t base, uint32_t count)
+{
+    uint32_t size = base + GROUP_FIRST; /* doubles what came before */
+    return size < count - base ? size : count - base;
+}
+
+enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_form form,
+                                   const struct sv_gl_frame *frame, const struct sv_tree *trees,
+                                   const struct sv_cull_entry *entries, uint32_t count,
+                                   struct sv_tree_lights lights, struct sv_error *error)
+{
+    if (count == 0)
+        return SV_OK;
+    bool light = lights.of_tree && lights.of_species;
+    enum sv_status status = make_room(draw, count, error);
+    if (!status)
+        status = make_program(draw, form, light, error);
+    for (uint32_t i = 0; !status && i < count; i++)
+        status = sv_cloud_draw_build(draw, trees[entries[i].tree].species, form, error);
+    if (status)
+        return status;
+    for (uint32_t base = 0; base < count; base += group_size(base, count))
+        stage_group(draw, &frame->camera, trees, entries + base, group_size(base, count), base,
+                    light ? lights.of_tree : NULL);
+    upload_instances(draw, count, light);
+    int bound = -1;
+    gl.Disable(GL_CULL_FACE);
+    gl.UseProgram(draw->programs[form][light]);
+    gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
+    for (uint32_t base = 0; base < count; base += group_size(base, count))
+        draw_runs(draw, form, light ? lights.of_species : NULL, base, group_size(base, count), &bound);
+    gl.BindVertexArray(0);
+    gl.ActiveTexture(GL_TEXTURE0);
+    return sv_gl_check("drawing billboard clouds", error);
+}

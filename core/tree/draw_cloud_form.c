@@ -1,0 +1,16 @@
+#include "core/tree/draw_cloud_form.h"
+
+#include "core/tree/billboard.h"
+
+const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
+    [SV_CLOUD_FORM_BILLBOARD] = {.name = "billboard",
+                                 .kind = SV_BILLBOARD_KIND,
+                                 .fragment = "tree_billboard.frag",
+                                 .build = sv_form_billboard_build,
+                                 .upload = sv_form_billboard_upload},
+};
+
+const char *sv_cloud_form_name(enum sv_cloud_form form)
+{
+    return (int)form >= 0 && form < SV_CLOUD_FORM_COUNT ? sv_cloud_forms[form].name : NULL;
+}

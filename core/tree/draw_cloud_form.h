@@ -1,0 +1,52 @@
+/* draw_cloud_form.h - the table of forms of a billboard cloud: what differs between them. Private to
+ * core/tree.
+ *
+ * To add a form: a row in draw_cloud_form.c, a value of enum sv_cloud_form, a file draw_NAME.c with its build
+ * and upload, a fragment shader. The shader includes tree_cloud.glsl, finds its textures at units 0, 1, ...
+ * in the order of sv_cloud_textures.name, its numbers in `params`, and ends with cloud_light(). */
+#ifndef SV_TREE_DRAW_CLOUD_FORM_H
+#define SV_TREE_DRAW_CLOUD_FORM_H
+
+#include "core/tree/cloud.h"
+#include "core/tree/draw_cloud.h"
+
+enum { SV_CLOUD_TEXTURES_MAX = 4, SV_CLOUD_PARAMS = 4, SV_CLOUD_OUTLINE = 8 };
+
+/* A species' form on the GL side. */
+struct sv_cloud_textures {
+    unsigned name[SV_CLOUD_TEXTURES_MAX], target[SV_CLOUD_TEXTURES_MAX]; /* GL names and targets; 0: none */
+    float params[SV_CLOUD_PARAMS][4];                     /* uniform vec4 params[4] of the fragment shader */
+    float outline[SV_CLOUD_PLANES_MAX][SV_CLOUD_OUTLINE]; /* billboard.h; {INFINITY ...}: the rectangle */
+    float tile[SV_CLOUD_PLANES_MAX][4]; /* the plane's picture in an atlas: st_atlas = xy + zw * st; (0,0,1,1)
+                                           for arrays, which have a layer a plane */
+    size_t bytes;
+};
+
+struct sv_cloud_form_row {
+    const char *name, *kind;        /* kind: of the blob in the store */
+    const char *fragment, *defines; /* file in core/gl/shaders; lines put before it, or NULL */
+    /* Any process, no GL. *data: heap. */
+    enum sv_status (*build)(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud, void **data,
+                            size_t *bytes, struct sv_error *error);
+    /* Takes any bytes: SV_EFORMAT. textures comes zeroed, with tiles and outlines of whole rectangles; what
+     * it holds after a failure is freed by the caller. */
+    enum sv_status (*upload)(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                             const void *data, size_t bytes, struct sv_cloud_textures *textures,
+                             struct sv_error *error);
+};
+
+extern const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT];
+
+/* draw_billboard.c, draw_indirect.c */
+enum sv_status sv_form_billboard_build(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                                       void **data, size_t *bytes, struct sv_error *error);
+enum sv_status sv_form_billboard_upload(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                                        const void *data, size_t bytes, struct sv_cloud_textures *textures,
+                                        struct sv_error *error);
+enum sv_status sv_form_indirect_build(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                                      void **data, size_t *bytes, struct sv_error *error);
+enum sv_status sv_form_indirect_upload(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                                       const void *data, size_t bytes, struct sv_cloud_textures *textures,
+                                       struct sv_error *error);
+
+#endif
