@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/base/color.h"
+#include "core/tree/impostor_guess.h"
 
 /* Rings by elevation, from the horizon up. Counts and gaps were chosen by hand: the densest where forests are
  * seen. */
@@ -175,59 +176,21 @@ static void reduce(const struct sv_impostor_levels *levels, int level, int x, in
 
 /* ---- what the shader's guess of mean |n.l| comes to ---- */
 
-enum { LENGTHS = 64, HEIGHTS = 32 };
-
-/* Twin of the guess in tree_quad.frag, leaf_sun: mean |n.l| for a mean normal of length rho that makes an
- * angle of cosine c with l. */
-static float guess(float rho, float c)
-{
-    float loose = 1 - rho, c2 = c * c, across = fminf(0.8f * loose, 0.5f);
-    return sqrtf(fmaxf(across + (1 - 3 * across) * c2, 0)) * (1 - loose * (0.56f - 0.4f * c2));
-}
-
-/* The guess by c, as even + square c^2 (Legendre polynomials of order 0 and 2, midpoint rule over c in 0..1),
- * for each length. */
-struct guess_table {
-    float even[LENGTHS + 1], square[LENGTHS + 1];
-};
-
-static void make_table(struct guess_table *table)
-{
-    for (int k = 0; k <= LENGTHS; k++) {
-        float p0 = 0, p2 = 0;
-        for (int i = 0; i < HEIGHTS; i++) {
-            float c = ((float)i + 0.5f) / HEIGHTS, g = guess((float)k / LENGTHS, c) / HEIGHTS;
-            p0 += g;
-            p2 += 5 * g * (1.5f * c * c - 0.5f);
-        }
-        table->even[k] = p0 - 0.5f * p2;
-        table->square[k] = 1.5f * p2;
-    }
-}
-
-static void add_guess(const struct guess_table *table, const uint8_t albedo[4], const uint8_t normal[4],
+static void add_texel(const struct sv_guess_table *table, const uint8_t albedo[4], const uint8_t normal[4],
                       float sum[6], float *weight)
 {
     float bright =
         sv_linear_from_srgb8[albedo[0]] + sv_linear_from_srgb8[albedo[1]] + sv_linear_from_srgb8[albedo[2]];
-    float m[3], rho2 = 0;
-    for (int c = 0; c < 3; c++) {
-        m[c] = (float)normal[c] * (2.0f / 255.0f) - 1;
-        rho2 += m[c] * m[c];
-    }
-    int k = (int)(fminf(sqrtf(rho2), 1) * LENGTHS + 0.5f);
-    float even = bright * table->even[k], square = bright * table->square[k] / fmaxf(rho2, 1e-6f);
+    float m[3];
     for (int c = 0; c < 3; c++)
-        sum[c] += even + square * m[c] * m[c];
-    sum[3] += square * m[0] * m[1];
-    sum[4] += square * m[0] * m[2];
-    sum[5] += square * m[1] * m[2];
+        m[c] = (float)normal[c] * (2.0f / 255.0f) - 1;
+    sv_guess_add(table, bright, m, sum);
     *weight += bright;
 }
 
 /* Mean of the guess over a frame's texels at a level. */
-static void frame_guess(const struct sv_impostor_levels *levels, const struct guess_table *table, int level,
-                        int frame, float out[6])
+static void frame_guess(const struct sv_impostor_levels *levels, const struct sv_guess_table *table,
+                        int level, int frame, float out[6])
 {
     int cell = SV_IMPOSTOR_CELL >> level, side = SV_IMPOSTOR_SIDE >> level;
     int column = frame % SV_IMPOSTOR_GRID * cell, row = frame / SV_IMPOSTOR_GRID * cell;
@@ -236,7 +199,7 @@ static void frame_guess(const struct sv_impostor_levels *levels, const struct gu
         for (int i = 0; i < cell; i++) {
             size_t at = 4 * ((size_t)(row + j) * (size_t)side + (size_t)(column + i));
             if (levels->albedo[level][at + 3])
-                add_guess(table, levels->albedo[level] + at, levels->normal[level] + at, sum, &weight);
+                add_texel(table, levels->albedo[level] + at, levels->normal[level] + at, sum, &weight);
         }
     for (int c = 0; c < 6; c++)
         out[c] = weight > 0 ? sum[c] / weight : c < 3 ? 0.5f : 0;
@@ -304,8 +267,8 @@ enum sv_status sv_impostor_levels_init(const struct sv_impostor *impostor, struc
     }
     for (int k = SV_IMPOSTOR_LEVELS - 2; k >= 0; k--)
         dilate(&made, k);
-    struct guess_table table;
-    make_table(&table);
+    struct sv_guess_table table;
+    sv_guess_table_make(&table);
     for (int k = 0; k < SV_IMPOSTOR_LEVELS; k++)
         for (int f = 0; f < SV_IMPOSTOR_FRAMES; f++)
             frame_guess(&made, &table, k, f, made.scatter[k][f]);
