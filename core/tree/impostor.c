@@ -19,6 +19,8 @@ static const struct ring {
 };
 enum { RINGS = sizeof rings / sizeof rings[0] };
 
+/* Shares of a blend below this are left out: no eye sees 1.5 % of a crown come or go. */
+static const float BLEND_MIN = 1.0f / 64;
 static const float RADIAN = (float)(SV_PI / 180.0);
 static const float TURN = (float)(2 * SV_PI);
 
@@ -47,6 +49,61 @@ int sv_impostor_nearest(float x, float y, float z)
     float step = TURN / (float)rings[k].count;
     int i = (int)floorf((atan2f(y, x) + TURN) / step - 0.5f * (float)(k & 1) + 0.5f);
     return rings[k].first + i % rings[k].count;
+}
+
+/* 0 below 1/2 - half, 1 above 1/2 + half, smooth between. */
+static float passing(float f, float half)
+{
+    float t = fminf(fmaxf((f - 0.5f) / (2 * half) + 0.5f, 0), 1);
+    return t * t * (3 - 2 * t);
+}
+
+/* Frames of ring k beside an azimuth (in turns), and the share of the second. */
+static void ring_blend(int k, float turns, float half, float share, int frames[2], float weights[2])
+{
+    float at = turns * (float)rings[k].count - 0.5f * (float)(k & 1);
+    float base = floorf(at), second = passing(at - base, half);
+    for (int n = 0; n < 2; n++) {
+        int i = ((int)base + n) % rings[k].count;
+        frames[n] = rings[k].first + (i + rings[k].count) % rings[k].count;
+    }
+    weights[0] = share * (1 - second);
+    weights[1] = share * second;
+}
+
+int sv_impostor_blend(float x, float y, float z, float half, int frames[4], float weights[4])
+{
+    float across = sqrtf(x * x + y * y);
+    if (!(across < INFINITY) || !(fabsf(z) < INFINITY) || !(across > 0 || fabsf(z) > 0)) {
+        frames[0] = 0;
+        weights[0] = 1;
+        return 1;
+    }
+    float elevation = fmaxf(atan2f(z, across) / RADIAN, 0), turns = atan2f(y, x) / TURN;
+    int k = 0;
+    while (k < RINGS - 2 && elevation > rings[k + 1].elevation_deg)
+        k++;
+    float upper = passing(
+        (elevation - rings[k].elevation_deg) / (rings[k + 1].elevation_deg - rings[k].elevation_deg), half);
+    ring_blend(k, turns, half, 1 - upper, frames, weights);
+    ring_blend(k + 1, turns, half, upper, frames + 2, weights + 2);
+    int count = 0;
+    float sum = 0;
+    for (int n = 0; n < 4; n++) {
+        if (!(weights[n] >= BLEND_MIN))
+            continue;
+        int same = 0;
+        while (same < count && frames[same] != frames[n])
+            same++;
+        float before = same < count ? weights[same] : 0;
+        sum += weights[n];
+        frames[same] = frames[n];
+        weights[same] = before + weights[n];
+        count = same == count ? count + 1 : count;
+    }
+    for (int n = 0; n < count; n++)
+        weights[n] /= sum;
+    return count;
 }
 
 void sv_impostor_finish(struct sv_impostor *impostor)
