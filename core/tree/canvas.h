@@ -1,15 +1,14 @@
 /* canvas.h - the pixels of a view, or of a band of its rows, that trees are drawn into on the CPU.
  *
  * A plain value that borrows its planes, laid out as sv_gl_target_read gives them: row 0 at the top, rows of
- * `width` elements without gaps. A plane holds the band's rows alone: picture row row_first is its first. What is
- * opaque (terrain, objects, near trees) is drawn before, and has left its colour and depth; near trees drawn on
- * the CPU (leaf splats) write all planes as GL would; far trees (sprite.h) are blended over.
+ * `width` elements without gaps. A plane holds the band's rows alone: picture row row_first is its first.
+ * What is opaque (terrain, objects, near trees) is drawn before, and has left its colour and depth; near
+ * trees drawn on the CPU (leaf splats) write all planes as GL would; far trees (sprite.h) are blended over.
  *
- * depth   window depth, reversed, as GL wrote it (frames.h): perspective near / Z, orthographic (far - Z) / far,
- *         Z in metres along forward; 0: nothing there (sky). Larger is nearer.
- * color   RGBA u8, sRGB code of linear light, premultiplied by coverage a; a = 255 where the sky is drawn.
- * id      core/scene/id.h.
- * normal  3 floats, world axes, facing the viewer, unit; 0 for the sky. */
+ * depth   window depth, reversed, as GL wrote it (frames.h): perspective near / Z, orthographic (far - Z) /
+ * far, Z in metres along forward; 0: nothing there (sky). Larger is nearer. color   RGBA u8, sRGB code of
+ * linear light, premultiplied by coverage a; a = 255 where the sky is drawn. id      core/scene/id.h. normal
+ * 3 floats, world axes, facing the viewer, unit; 0 for the sky. */
 #ifndef SV_TREE_CANVAS_H
 #define SV_TREE_CANVAS_H
 
@@ -25,7 +24,8 @@ struct sv_canvas {
     float *normal;            /* NULL: not wanted */
 };
 
-/* Pixel of picture row `row` (of the band) and column: index into depth and id; times 4: color, times 3: normal. */
+/* Pixel of picture row `row` (of the band) and column: index into depth and id; times 4: color, times 3:
+ * normal. */
 static inline size_t sv_canvas_at(const struct sv_canvas *canvas, int column, int row)
 {
     return (size_t)(row - canvas->row_first) * (size_t)canvas->width + (size_t)column;

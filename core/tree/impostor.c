@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/base/color.h"
+#include "core/tree/impostor_guess.h"
 
 /* Rings by elevation, from the horizon up. Counts and gaps were chosen by hand: the densest where forests are
  * seen. */
@@ -18,6 +19,8 @@ static const struct ring {
 };
 enum { RINGS = sizeof rings / sizeof rings[0] };
 
+/* Shares of a blend below this are left out: no eye sees 1.5 % of a crown come or go. */
+static const float BLEND_MIN = 1.0f / 64;
 static const float RADIAN = (float)(SV_PI / 180.0);
 static const float TURN = (float)(2 * SV_PI);
 
@@ -46,6 +49,61 @@ int sv_impostor_nearest(float x, float y, float z)
     float step = TURN / (float)rings[k].count;
     int i = (int)floorf((atan2f(y, x) + TURN) / step - 0.5f * (float)(k & 1) + 0.5f);
     return rings[k].first + i % rings[k].count;
+}
+
+/* 0 below 1/2 - half, 1 above 1/2 + half, smooth between. */
+static float passing(float f, float half)
+{
+    float t = fminf(fmaxf((f - 0.5f) / (2 * half) + 0.5f, 0), 1);
+    return t * t * (3 - 2 * t);
+}
+
+/* Frames of ring k beside an azimuth (in turns), and the share of the second. */
+static void ring_blend(int k, float turns, float half, float share, int frames[2], float weights[2])
+{
+    float at = turns * (float)rings[k].count - 0.5f * (float)(k & 1);
+    float base = floorf(at), second = passing(at - base, half);
+    for (int n = 0; n < 2; n++) {
+        int i = ((int)base + n) % rings[k].count;
+        frames[n] = rings[k].first + (i + rings[k].count) % rings[k].count;
+    }
+    weights[0] = share * (1 - second);
+    weights[1] = share * second;
+}
+
+int sv_impostor_blend(float x, float y, float z, float half, int frames[4], float weights[4])
+{
+    float across = sqrtf(x * x + y * y);
+    if (!(across < INFINITY) || !(fabsf(z) < INFINITY) || !(across > 0 || fabsf(z) > 0)) {
+        frames[0] = 0;
+        weights[0] = 1;
+        return 1;
+    }
+    float elevation = fmaxf(atan2f(z, across) / RADIAN, 0), turns = atan2f(y, x) / TURN;
+    int k = 0;
+    while (k < RINGS - 2 && elevation > rings[k + 1].elevation_deg)
+        k++;
+    float upper = passing(
+        (elevation - rings[k].elevation_deg) / (rings[k + 1].elevation_deg - rings[k].elevation_deg), half);
+    ring_blend(k, turns, half, 1 - upper, frames, weights);
+    ring_blend(k + 1, turns, half, upper, frames + 2, weights + 2);
+    int count = 0;
+    float sum = 0;
+    for (int n = 0; n < 4; n++) {
+        if (!(weights[n] >= BLEND_MIN))
+            continue;
+        int same = 0;
+        while (same < count && frames[same] != frames[n])
+            same++;
+        float before = same < count ? weights[same] : 0;
+        sum += weights[n];
+        frames[same] = frames[n];
+        weights[same] = before + weights[n];
+        count = same == count ? count + 1 : count;
+    }
+    for (int n = 0; n < count; n++)
+        weights[n] /= sum;
+    return count;
 }
 
 void sv_impostor_finish(struct sv_impostor *impostor)
@@ -175,59 +233,21 @@ static void reduce(const struct sv_impostor_levels *levels, int level, int x, in
 
 /* ---- what the shader's guess of mean |n.l| comes to ---- */
 
-enum { LENGTHS = 64, HEIGHTS = 32 };
-
-/* Twin of the guess in tree_quad.frag, leaf_sun: mean |n.l| for a mean normal of length rho that makes an
- * angle of cosine c with l. */
-static float guess(float rho, float c)
-{
-    float loose = 1 - rho, c2 = c * c, across = fminf(0.8f * loose, 0.5f);
-    return sqrtf(fmaxf(across + (1 - 3 * across) * c2, 0)) * (1 - loose * (0.56f - 0.4f * c2));
-}
-
-/* The guess by c, as even + square c^2 (Legendre polynomials of order 0 and 2, midpoint rule over c in 0..1),
- * for each length. */
-struct guess_table {
-    float even[LENGTHS + 1], square[LENGTHS + 1];
-};
-
-static void make_table(struct guess_table *table)
-{
-    for (int k = 0; k <= LENGTHS; k++) {
-        float p0 = 0, p2 = 0;
-        for (int i = 0; i < HEIGHTS; i++) {
-            float c = ((float)i + 0.5f) / HEIGHTS, g = guess((float)k / LENGTHS, c) / HEIGHTS;
-            p0 += g;
-            p2 += 5 * g * (1.5f * c * c - 0.5f);
-        }
-        table->even[k] = p0 - 0.5f * p2;
-        table->square[k] = 1.5f * p2;
-    }
-}
-
-static void add_guess(const struct guess_table *table, const uint8_t albedo[4], const uint8_t normal[4],
+static void add_texel(const struct sv_guess_table *table, const uint8_t albedo[4], const uint8_t normal[4],
                       float sum[6], float *weight)
 {
     float bright =
         sv_linear_from_srgb8[albedo[0]] + sv_linear_from_srgb8[albedo[1]] + sv_linear_from_srgb8[albedo[2]];
-    float m[3], rho2 = 0;
-    for (int c = 0; c < 3; c++) {
-        m[c] = (float)normal[c] * (2.0f / 255.0f) - 1;
-        rho2 += m[c] * m[c];
-    }
-    int k = (int)(fminf(sqrtf(rho2), 1) * LENGTHS + 0.5f);
-    float even = bright * table->even[k], square = bright * table->square[k] / fmaxf(rho2, 1e-6f);
+    float m[3];
     for (int c = 0; c < 3; c++)
-        sum[c] += even + square * m[c] * m[c];
-    sum[3] += square * m[0] * m[1];
-    sum[4] += square * m[0] * m[2];
-    sum[5] += square * m[1] * m[2];
+        m[c] = (float)normal[c] * (2.0f / 255.0f) - 1;
+    sv_guess_add(table, bright, m, sum);
     *weight += bright;
 }
 
 /* Mean of the guess over a frame's texels at a level. */
-static void frame_guess(const struct sv_impostor_levels *levels, const struct guess_table *table, int level,
-                        int frame, float out[6])
+static void frame_guess(const struct sv_impostor_levels *levels, const struct sv_guess_table *table,
+                        int level, int frame, float out[6])
 {
     int cell = SV_IMPOSTOR_CELL >> level, side = SV_IMPOSTOR_SIDE >> level;
     int column = frame % SV_IMPOSTOR_GRID * cell, row = frame / SV_IMPOSTOR_GRID * cell;
@@ -236,7 +256,7 @@ static void frame_guess(const struct sv_impostor_levels *levels, const struct gu
         for (int i = 0; i < cell; i++) {
             size_t at = 4 * ((size_t)(row + j) * (size_t)side + (size_t)(column + i));
             if (levels->albedo[level][at + 3])
-                add_guess(table, levels->albedo[level] + at, levels->normal[level] + at, sum, &weight);
+                add_texel(table, levels->albedo[level] + at, levels->normal[level] + at, sum, &weight);
         }
     for (int c = 0; c < 6; c++)
         out[c] = weight > 0 ? sum[c] / weight : c < 3 ? 0.5f : 0;
@@ -304,8 +324,8 @@ enum sv_status sv_impostor_levels_init(const struct sv_impostor *impostor, struc
     }
     for (int k = SV_IMPOSTOR_LEVELS - 2; k >= 0; k--)
         dilate(&made, k);
-    struct guess_table table;
-    make_table(&table);
+    struct sv_guess_table table;
+    sv_guess_table_make(&table);
     for (int k = 0; k < SV_IMPOSTOR_LEVELS; k++)
         for (int f = 0; f < SV_IMPOSTOR_FRAMES; f++)
             frame_guess(&made, &table, k, f, made.scatter[k][f]);

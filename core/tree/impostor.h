@@ -57,6 +57,10 @@ struct sv_impostor {
 /* The frame nearest to the direction (model space, towards the viewer, any length; 0 or NaN: frame 0). Below
  * the horizon the lowest ring serves. */
 int sv_impostor_nearest(float x, float y, float z);
+/* The frames about that direction and their shares (sum 1): one alone near to it; two, or four, in the zones
+ * of width 2 half (of the way from frame to frame, 0 < half <= 1/2) where the nearest one changes, so that a
+ * viewer who moves sees one pass into the other. Returns how many: 1 .. 4. 0 or NaN: frame 0. */
+int sv_impostor_blend(float x, float y, float z, float half, int frames[4], float weights[4]);
 /* Direction of a frame (unit). */
 void sv_impostor_direction(int frame, float direction[3]);
 

@@ -61,12 +61,12 @@ static enum sv_status prepare_texture(const struct sv_tree_material *m, struct s
     return SV_OK;
 }
 
-enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, struct sv_raster *raster,
+enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, int side, struct sv_raster *raster,
                               struct sv_error *error)
 {
-    size_t samples = (size_t)SV_RASTER_SIDE * SV_RASTER_SIDE,
-           count = mesh->vertex_count ? mesh->vertex_count : 1;
+    size_t samples = (size_t)side * (size_t)side, count = mesh->vertex_count ? mesh->vertex_count : 1;
     *raster = (struct sv_raster){.mesh = mesh,
+                                 .side = side,
                                  .x = malloc(count * sizeof(float)),
                                  .y = malloc(count * sizeof(float)),
                                  .z = malloc(count * sizeof(float)),
@@ -120,7 +120,7 @@ void sv_raster_aim(struct sv_raster *r, struct sv_raster_view *view)
     side = fmaxf(side, 1e-3f) * 1.0001f;
     view->left = count ? 0.5f * (lo[0] + hi[0] - side) : -0.5f;
     view->top = count ? 0.5f * (lo[1] + hi[1] + side) : 0.5f;
-    view->step = side / (float)SV_RASTER_SIDE;
+    view->step = side / (float)r->side;
     float inverse = 1.0f / view->step;
     for (uint32_t i = 0; i < count; i++) {
         r->x[i] = (r->x[i] - view->left) * inverse;
@@ -205,9 +205,9 @@ static void fill_row(struct sv_raster *r, const struct patch *t, int j, int firs
 {
     float fj = (float)j, z0 = t->z.at + t->z.dy * fj, dz = t->z.dx;
     float u0 = t->u.at + t->u.dy * fj, v0 = t->v.at + t->v.dy * fj;
-    float *depth = r->depth + (size_t)j * SV_RASTER_SIDE;
-    int32_t *triangle = r->triangle + (size_t)j * SV_RASTER_SIDE;
-    uint8_t *material = r->material + (size_t)j * SV_RASTER_SIDE;
+    float *depth = r->depth + (size_t)j * (size_t)r->side;
+    int32_t *triangle = r->triangle + (size_t)j * (size_t)r->side;
+    uint8_t *material = r->material + (size_t)j * (size_t)r->side;
     for (int i = first; i <= last; i++) {
         float fi = (float)i, z = z0 + dz * fi;
         if (z <= depth[i])
@@ -231,9 +231,9 @@ static void fill(struct sv_raster *r, const struct patch *t)
     }
 }
 
-static int clamp_sample(float v)
+static int clamp_sample(float v, int side)
 {
-    return v < 0 ? 0 : v > SV_RASTER_SIDE - 1 ? SV_RASTER_SIDE - 1 : (int)v;
+    return v < 0 ? 0 : v > (float)(side - 1) ? side - 1 : (int)v;
 }
 
 static void draw_triangle(struct sv_raster *r, uint32_t first, struct patch *t)
@@ -246,10 +246,10 @@ static void draw_triangle(struct sv_raster *r, uint32_t first, struct patch *t)
     if (!(fabsf(area) > 1e-9f))
         return;
     /* Samples whose centre lies in the box: i + 0.5 in [lo, hi]. Off the picture only by rounding. */
-    t->x0 = clamp_sample(low3(p[0].x, p[1].x, p[2].x) + 0.49999f);
-    t->y0 = clamp_sample(low3(p[0].y, p[1].y, p[2].y) + 0.49999f);
-    t->x1 = clamp_sample(high3(p[0].x, p[1].x, p[2].x) - 0.5f);
-    t->y1 = clamp_sample(high3(p[0].y, p[1].y, p[2].y) - 0.5f);
+    t->x0 = clamp_sample(low3(p[0].x, p[1].x, p[2].x) + 0.49999f, r->side);
+    t->y0 = clamp_sample(low3(p[0].y, p[1].y, p[2].y) + 0.49999f, r->side);
+    t->x1 = clamp_sample(high3(p[0].x, p[1].x, p[2].x) - 0.5f, r->side);
+    t->y1 = clamp_sample(high3(p[0].y, p[1].y, p[2].y) - 0.5f, r->side);
     if (t->x1 < t->x0 || t->y1 < t->y0)
         return;
     float inverse = 1.0f / area;
@@ -271,7 +271,7 @@ static void draw_triangle(struct sv_raster *r, uint32_t first, struct patch *t)
 
 void sv_raster_draw(struct sv_raster *r)
 {
-    size_t samples = (size_t)SV_RASTER_SIDE * SV_RASTER_SIDE;
+    size_t samples = (size_t)r->side * (size_t)r->side;
     for (size_t i = 0; i < samples; i++) {
         r->depth[i] = -INFINITY;
         r->triangle[i] = SV_RASTER_NONE;

@@ -9,7 +9,7 @@
 
 #include "core/tree/mesh.h"
 
-enum { SV_RASTER_SIDE = 384, SV_RASTER_NONE = -1 };
+enum { SV_RASTER_NONE = -1 };
 
 /* A material's texture as the bake reads it: nearest texel, alpha decided. */
 struct sv_raster_texture {
@@ -20,11 +20,12 @@ struct sv_raster_texture {
 
 struct sv_raster {
     const struct sv_tree_mesh *mesh;
+    int side; /* samples */
     struct sv_raster_texture textures[SV_TREE_MATERIALS_MAX];
     float *x, *y, *z;  /* of each vertex: samples right, samples down, model units towards the viewer */
-    float *depth;      /* SIDE x SIDE, row 0 at the top */
-    int32_t *triangle; /* SIDE x SIDE: index of the triangle's first index, or NONE */
-    uint8_t *material; /* SIDE x SIDE: valid where triangle is not NONE */
+    float *depth;      /* side x side, row 0 at the top */
+    int32_t *triangle; /* side x side: index of the triangle's first index, or NONE */
+    uint8_t *material; /* side x side: valid where triangle is not NONE */
 };
 
 /* Where the picture lies: sample (i, j) of the cell is at left + (i + 0.5) step along right, top - (j + 0.5)
@@ -34,10 +35,11 @@ struct sv_raster_view {
     float left, top, step;
 };
 
-SV_MUST_CHECK enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, struct sv_raster *raster,
-                                            struct sv_error *error);
+/* side: 1 .. 4096 samples. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_raster_init(const struct sv_tree_mesh *mesh, int side,
+                                            struct sv_raster *raster, struct sv_error *error);
 void sv_raster_finish(struct sv_raster *raster);
-/* Sets the square view of side SIDE that just holds the mesh, and transforms the vertices. */
+/* Sets the square view that just holds the mesh, and transforms the vertices. */
 void sv_raster_aim(struct sv_raster *raster, struct sv_raster_view *view);
 void sv_raster_draw(struct sv_raster *raster);
 /* Colour (linear, base colour included) of the texture at uv. */

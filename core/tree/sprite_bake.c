@@ -1,0 +1,254 @@
+/* sprite_bake.c - see sprite_atlas.h: frames are drawn one by one (impostor_frame.h), summed up to all
+ * levels, and each level is written from its sums. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/tree/impostor_frame.h"
+#include "core/tree/impostor_guess.h"
+#include "core/tree/sprite_atlas.h"
+
+enum { SUB = 3, SUMS = SV_SPRITE_LEVELS + 1 };
+
+/* Sums of one level. */
+struct sums {
+    struct sv_frame_texel *texels;
+    int width, height;
+    float samples; /* that a texel has */
+};
+
+struct bake {
+    struct sv_sprite_atlas out;
+    size_t texel_room, smooth_room;
+    struct sv_frame_bake frame;
+    struct sv_frame_texel *work;
+    struct sums sums[SUMS];
+    struct sv_guess_table table;
+};
+
+static uint8_t code(float v)
+{
+    return (uint8_t)(fminf(fmaxf(v, 0), 255) + 0.5f);
+}
+
+static void add(struct sv_frame_texel *to, const struct sv_frame_texel *from)
+{
+    _Static_assert(sizeof *to == 14 * sizeof(float), "all of it is floats");
+    float *a = &to->count;
+    const float *b = &from->count;
+    for (size_t k = 0; k < sizeof *to / sizeof(float); k++)
+        a[k] += b[k];
+}
+
+/* Cuts the frame out, its corner even, depth made relative to the plane, and adds up the levels. */
+static void sum_levels(struct bake *b, struct sv_sprite_frame *f)
+{
+    const struct sv_frame_bake *from = &b->frame;
+    f->left = from->box[0] & ~1;
+    f->top = from->box[2] & ~1;
+    struct sv_frame_texel *at = b->work;
+    int width = from->box[1] - f->left, height = from->box[3] - f->top;
+    double step = (double)from->view.step * SUB;
+    for (int k = 0; k < SUMS; k++) {
+        struct sums *s = &b->sums[k];
+        *s = (struct sums){at, width, height, (float)(SUB * SUB) * exp2f((float)(2 * k))};
+        at += (size_t)width * (size_t)height;
+        width = (width + 1) / 2;
+        height = (height + 1) / 2;
+    }
+    memset(b->work, 0, (size_t)(at - b->work) * sizeof *at);
+    for (int j = 0; j < b->sums[0].height; j++)
+        for (int i = 0; i < b->sums[0].width; i++) {
+            struct sv_frame_texel *t = &b->sums[0].texels[(size_t)j * (size_t)b->sums[0].width + (size_t)i];
+            *t = from->texels[(size_t)(j + f->top) * (size_t)from->cell + (size_t)(i + f->left)];
+            double x = (double)from->view.left + (i + f->left + 0.5) * step;
+            double y = (double)from->view.top - (j + f->top + 0.5) * step;
+            t->depth -= t->count * (float)(from->plane[0] + from->plane[1] * x + from->plane[2] * y);
+        }
+    for (int k = 1; k < SUMS; k++) {
+        const struct sums *fine = &b->sums[k - 1];
+        for (int j = 0; j < fine->height; j++)
+            for (int i = 0; i < fine->width; i++)
+                add(&b->sums[k].texels[(size_t)(j / 2) * (size_t)b->sums[k].width + (size_t)(i / 2)],
+                    &fine->texels[(size_t)j * (size_t)fine->width + (size_t)i]);
+    }
+}
+
+/* Range of depth among the smooth texels of all levels: the finest has the widest. */
+static void depth_range(const struct sums *s, struct sv_sprite_frame *f)
+{
+    float lo = INFINITY, hi = -INFINITY;
+    for (size_t k = 0; k < (size_t)s->width * (size_t)s->height; k++) {
+        const struct sv_frame_texel *t = &s->texels[k];
+        if (!(t->count > 0))
+            continue;
+        lo = fminf(lo, t->depth / t->count);
+        hi = fmaxf(hi, t->depth / t->count);
+    }
+    f->depth_first = lo < hi ? lo : lo < INFINITY ? lo : 0;
+    f->depth_step = lo < hi ? (hi - lo) / 255 : 0;
+}
+
+static struct sv_sprite_texel texel_of(const struct sv_frame_texel *t, float samples)
+{
+    struct sv_sprite_texel out;
+    float each = 1 / t->count;
+    for (int c = 0; c < 3; c++) {
+        out.rgb[c] = code(255 * sqrtf(fmaxf(t->rgb[c] * each, 0)));
+        out.normal[c] = code(127.5f + 127.5f * t->normal[c] * each);
+    }
+    out.coverage = code(255 * t->count / samples);
+    out.translucency = code(255 * t->translucency * each);
+    return out;
+}
+
+static struct sv_sprite_smooth smooth_of(const struct sv_frame_texel *t, const struct sv_sprite_frame *f)
+{
+    struct sv_sprite_smooth out = {.unused = {0, 0}};
+    float each = 1 / t->count;
+    out.occlusion = code(255 * t->occlusion * each);
+    for (int c = 0; c < 3; c++)
+        out.open[c] = code(127.5f + 127.5f * t->open[c] * each);
+    out.open[3] = code(255 * t->open[3] * each);
+    out.depth = f->depth_step > 0 ? code((t->depth * each - f->depth_first) / f->depth_step) : 0;
+    return out;
+}
+
+/* Sums that stand for texel (i, j) of level k: its own, or those of the finest coarser one that shows
+ * something. */
+static const struct sv_frame_texel *stand_in(const struct bake *b, int k, int i, int j)
+{
+    for (;; k++, i /= 2, j /= 2) {
+        const struct sv_frame_texel *t = &b->sums[k].texels[(size_t)j * (size_t)b->sums[k].width + (size_t)i];
+        if (t->count > 0 || k == SUMS - 1)
+            return t;
+    }
+}
+
+static int held(int i, int count)
+{
+    return i < 0 ? 0 : i < count ? i : count - 1;
+}
+
+static void put_level(struct bake *b, struct sv_sprite_frame *f, int k)
+{
+    struct sv_sprite_level *l = &f->level[k];
+    const struct sums *s = &b->sums[k], *half = &b->sums[k + 1];
+    *l = (struct sv_sprite_level){(uint32_t)b->out.texel_count, (uint32_t)b->out.smooth_count, s->width,
+                                  s->height};
+    struct sv_sprite_texel *t = b->out.texels + b->out.texel_count;
+    for (int j = -1; j <= s->height; j++)
+        for (int i = -1; i <= s->width; i++, t++) {
+            int ci = held(i, s->width), cj = held(j, s->height);
+            const struct sv_frame_texel *own = &s->texels[(size_t)cj * (size_t)s->width + (size_t)ci];
+            *t = texel_of(stand_in(b, k, ci, cj), s->samples);
+            if (ci != i || cj != j || !(own->count > 0))
+                t->coverage = 0;
+        }
+    struct sv_sprite_smooth *m = b->out.smooth + b->out.smooth_count;
+    for (int j = -1; j <= half->height; j++)
+        for (int i = -1; i <= half->width; i++, m++)
+            *m = smooth_of(stand_in(b, k + 1, held(i, half->width), held(j, half->height)), f);
+    b->out.texel_count = (size_t)(t - b->out.texels);
+    b->out.smooth_count = (size_t)(m - b->out.smooth);
+}
+
+/* Mean of the shading's guess over the level. */
+static void put_guess(const struct bake *b, struct sv_sprite_frame *f, int k)
+{
+    float sum[6] = {0}, weight = 0;
+    const struct sums *s = &b->sums[k];
+    for (size_t i = 0; i < (size_t)s->width * (size_t)s->height; i++) {
+        const struct sv_frame_texel *t = &s->texels[i];
+        if (!(t->count > 0))
+            continue;
+        float bright = t->rgb[0] + t->rgb[1] + t->rgb[2];
+        const float m[3] = {t->normal[0] / t->count, t->normal[1] / t->count, t->normal[2] / t->count};
+        sv_guess_add(&b->table, bright, m, sum);
+        weight += bright;
+    }
+    for (int c = 0; c < 6; c++)
+        f->guess[k][c] = weight > 0 ? sum[c] / weight : c < 3 ? 0.5f : 0;
+}
+
+/* Makes room for a whole frame more. */
+static enum sv_status make_room(struct bake *b, struct sv_error *error)
+{
+    size_t most = 0;
+    for (int k = 0; k < SV_SPRITE_LEVELS; k++)
+        most += (size_t)((SV_SPRITE_CELL >> k) + 2) * (size_t)((SV_SPRITE_CELL >> k) + 2);
+    if (b->out.texel_count + most > b->texel_room) {
+        size_t room = b->texel_room + 8 * most;
+        void *texels = realloc(b->out.texels, room * sizeof *b->out.texels);
+        if (!texels)
+            return sv_fail(error, SV_ENOMEM, "sprite", "no memory for an atlas of %zu texels", room);
+        b->out.texels = texels;
+        b->texel_room = room;
+    }
+    if (b->out.smooth_count + most > b->smooth_room) {
+        size_t room = b->smooth_room + 8 * most;
+        void *smooth = realloc(b->out.smooth, room * sizeof *b->out.smooth);
+        if (!smooth)
+            return sv_fail(error, SV_ENOMEM, "sprite", "no memory for an atlas of %zu texels", room);
+        b->out.smooth = smooth;
+        b->smooth_room = room;
+    }
+    return SV_OK;
+}
+
+static enum sv_status bake_frame(struct bake *b, int index, struct sv_error *error)
+{
+    struct sv_sprite_frame *f = &b->out.frames[index];
+    enum sv_status status = make_room(b, error);
+    if (status)
+        return status;
+    sv_frame_bake_draw(&b->frame, index);
+    f->of = b->frame.frame;
+    if (b->frame.box[0] >= b->frame.box[1])
+        return SV_OK;
+    sum_levels(b, f);
+    depth_range(&b->sums[1], f);
+    for (int k = 0; k < SV_SPRITE_LEVELS; k++) {
+        put_level(b, f, k);
+        put_guess(b, f, k);
+    }
+    return SV_OK;
+}
+
+/* Gives back what room was too much. */
+static void trim(struct sv_sprite_atlas *atlas)
+{
+    void *texels = realloc(atlas->texels, atlas->texel_count * sizeof *atlas->texels + 1);
+    void *smooth = realloc(atlas->smooth, atlas->smooth_count * sizeof *atlas->smooth + 1);
+    atlas->texels = texels ? texels : atlas->texels;
+    atlas->smooth = smooth ? smooth : atlas->smooth;
+}
+
+enum sv_status sv_sprite_atlas_bake(const struct sv_tree_mesh *mesh, struct sv_sprite_atlas *atlas,
+                                    struct sv_error *error)
+{
+    struct bake *b = calloc(1, sizeof *b);
+    size_t texels = 0;
+    for (int k = 0; k < SUMS; k++)
+        texels += (size_t)(SV_SPRITE_CELL >> k) * (size_t)(SV_SPRITE_CELL >> k) + 4;
+    if (b)
+        b->work = malloc(texels * sizeof *b->work);
+    if (!b || !b->work) {
+        free(b);
+        return sv_fail(error, SV_ENOMEM, "sprite", "no memory to bake %zu texels", texels);
+    }
+    sv_guess_table_make(&b->table);
+    enum sv_status status = sv_frame_bake_init(mesh, SV_SPRITE_CELL, SUB, &b->frame, error);
+    for (int k = 0; !status && k < SV_IMPOSTOR_FRAMES; k++)
+        status = bake_frame(b, k, error);
+    sv_frame_bake_finish(&b->frame);
+    if (status) {
+        sv_sprite_atlas_finish(&b->out);
+    } else {
+        trim(&b->out);
+        *atlas = b->out;
+    }
+    free(b->work);
+    free(b);
+    return status;
+}

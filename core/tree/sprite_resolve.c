@@ -1,0 +1,78 @@
+/* sprite_resolve.c - canvas to tile and back: depth becomes metres, light that was gathered goes over the
+ * canvas' colour. */
+#include <math.h>
+#include <string.h>
+
+#include "core/base/color.h"
+#include "core/tree/sprite_private.h"
+
+static float metres(const struct sv_camera *camera, float depth)
+{
+    if (!(depth > 0))
+        return INFINITY;
+    return camera->projection == SV_PROJECTION_ORTHOGRAPHIC ? (float)camera->far_m * (1 - depth)
+                                                            : (float)camera->near_m / depth;
+}
+
+void sv_sprite_tile_load(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns,
+                         int rows, struct sv_sprite_state *state, struct sv_sprite_tile *tile)
+{
+    memset(tile->red, 0, sizeof tile->red);
+    memset(tile->green, 0, sizeof tile->green);
+    memset(tile->blue, 0, sizeof tile->blue);
+    memset(tile->pass, 0, sizeof tile->pass);
+    memset(state->open, 0, sizeof state->open);
+    int groups = (columns + SV_SPRITE_LANES - 1) / SV_SPRITE_LANES;
+    for (size_t k = 0; k < SV_SPRITE_TILE_PIXELS; k++)
+        tile->z[k] = -1; /* nothing is in front of it */
+    float far_z = 0;
+    for (int j = 0; j < rows; j++) {
+        const float *depth = canvas->depth + sv_canvas_at(canvas, state->x0, state->y0 + j);
+        float *z = tile->z + j * SV_SPRITE_TILE, *pass = tile->pass + j * SV_SPRITE_TILE;
+        for (int i = 0; i < columns; i++) {
+            z[i] = metres(camera, depth[i]);
+            far_z = z[i] > far_z ? z[i] : far_z;
+            pass[i] = 1;
+        }
+        state->open[j] = (uint8_t)((1u << groups) - 1);
+    }
+    state->open_groups = groups * rows;
+    state->far_z = far_z;
+}
+
+void sv_sprite_tile_store(const struct sv_canvas *canvas, int columns, int rows,
+                          const struct sv_sprite_state *state, const struct sv_sprite_tile *tile)
+{
+    for (int j = 0; j < rows; j++) {
+        uint8_t *p = canvas->color + 4 * sv_canvas_at(canvas, state->x0, state->y0 + j);
+        for (int i = 0; i < columns; i++, p += 4) {
+            size_t k = (size_t)(j * SV_SPRITE_TILE + i);
+            float pass = tile->pass[k];
+            if (pass == 1)
+                continue;
+            const float gathered[3] = {tile->red[k], tile->green[k], tile->blue[k]};
+            for (int c = 0; c < 3; c++)
+                p[c] = sv_srgb8_from_linear(gathered[c] + pass * sv_linear_from_srgb8[p[c]]);
+            p[3] = (uint8_t)(255 * (1 - pass) + pass * (float)p[3] + 0.5f);
+        }
+    }
+}
+
+void sv_sprite_hard_store(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns,
+                          int rows, const struct sv_sprite_state *state, const struct sv_sprite_hard *hard)
+{
+    bool orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
+    for (int j = 0; j < rows; j++)
+        for (int i = 0; i < columns; i++) {
+            size_t k = (size_t)(j * SV_SPRITE_TILE + i),
+                   at = sv_canvas_at(canvas, state->x0 + i, state->y0 + j);
+            if (!(hard->z[k] > 0))
+                continue;
+            canvas->depth[at] =
+                orthographic ? 1 - hard->z[k] / (float)camera->far_m : (float)camera->near_m / hard->z[k];
+            if (canvas->id)
+                canvas->id[at] = hard->id[k];
+            for (int c = 0; canvas->normal && c < 3; c++)
+                canvas->normal[3 * at + (size_t)c] = hard->normal[c][k];
+        }
+}
