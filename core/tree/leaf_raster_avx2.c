@@ -1,0 +1,580 @@
+/* leaf_raster_avx2.c - the kernels of leaf_raster.c, eight pieces, hits or pixels at a time; operation for
+ * operation the scalar ones, so that the pictures are equal. */
+#include <immintrin.h>
+#include <math.h>
+
+#include "core/tree/leaf_kernel.h"
+#include "core/tree/leaf_shade.h"
+
+#define LANES 8
+
+/* For each mask of eight lanes the chosen ones, packed to the front, a byte each. */
+#define BELOW(m, i) ((m) & ((1 << (i)) - 1))
+#define BITS2(m) (((m)&1) + ((m) >> 1 & 1))
+#define BITS(m) (BITS2(m) + BITS2((m) >> 2) + BITS2((m) >> 4) + BITS2((m) >> 6))
+#define LANE(m, i) (((m) >> (i)&1) ? (uint64_t)(i) << 8 * BITS(BELOW(m, i)) : 0)
+#define PACK(m) \
+    (LANE(m, 0) | LANE(m, 1) | LANE(m, 2) | LANE(m, 3) | LANE(m, 4) | LANE(m, 5) | LANE(m, 6) | LANE(m, 7))
+#define PACK4(m) PACK(m), PACK((m) + 1), PACK((m) + 2), PACK((m) + 3)
+#define PACK16(m) PACK4(m), PACK4((m) + 4), PACK4((m) + 8), PACK4((m) + 12)
+#define PACK64(m) PACK16(m), PACK16((m) + 16), PACK16((m) + 32), PACK16((m) + 48)
+static const uint64_t pack[256] = {PACK64(0), PACK64(64), PACK64(128), PACK64(192)};
+
+static inline __m256i order_of(unsigned mask)
+{
+    return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&pack[mask]));
+}
+
+static inline void store_packed(float *to, __m256 v, __m256i order)
+{
+    _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(v, order));
+}
+
+static inline void store_packed_i(void *to, __m256i v, __m256i order)
+{
+    _mm256_storeu_si256(to, _mm256_permutevar8x32_epi32(v, order));
+}
+
+static inline __m256 splat(float v)
+{
+    return _mm256_set1_ps(v);
+}
+
+static inline __m256 mul(__m256 a, __m256 b)
+{
+    return _mm256_mul_ps(a, b);
+}
+
+static inline __m256 add(__m256 a, __m256 b)
+{
+    return _mm256_add_ps(a, b);
+}
+
+static inline __m256 sub(__m256 a, __m256 b)
+{
+    return _mm256_sub_ps(a, b);
+}
+
+static inline __m256 in_order(__m256 a, __m256 b) /* a <= b, false for NaN */
+{
+    return _mm256_cmp_ps(a, b, _CMP_LE_OQ);
+}
+
+static inline unsigned bits_of(__m256 mask)
+{
+    return (unsigned)_mm256_movemask_ps(mask);
+}
+
+/* ---- project ---- */
+
+/* Eight pieces in the picture: P0, E1, E2 as A, B, C. */
+struct moved {
+    __m256 v[9];
+};
+
+static inline __m256 row_of(const float m[4], const __m256 p[3])
+{
+    return add(add(mul(splat(m[0]), p[0]), mul(splat(m[1]), p[1])), mul(splat(m[2]), p[2]));
+}
+
+/* Returns the lanes that are not thinned out. */
+static inline __m256 move_block(const struct sv_leaf_job *job, uint32_t at, bool thins, struct moved *out)
+{
+    const struct sv_leaf_block *b = &job->form->blocks[at];
+    __m256 p[3][3], there = _mm256_castsi256_ps(_mm256_set1_epi32(-1));
+    for (int c = 0; c < 3; c++) {
+        p[0][c] = _mm256_load_ps(b->p0[c]);
+        p[1][c] = _mm256_load_ps(b->e1[c]);
+        p[2][c] = _mm256_load_ps(b->e2[c]);
+    }
+    if (thins) {
+        const struct sv_leaf_fade *fade = &job->form->fades[at];
+        __m256 growth = _mm256_div_ps(sub(splat(job->thin.upto), _mm256_load_ps(fade->rank)),
+                                      splat(job->thin.window));
+        there = _mm256_cmp_ps(growth, _mm256_setzero_ps(), _CMP_GT_OQ);
+        __m256 k = mul(splat(job->thin.scale), _mm256_sqrt_ps(_mm256_min_ps(growth, splat(1))));
+        for (int c = 0; c < 3; c++) {
+            __m256 middle = _mm256_load_ps(fade->middle[c]);
+            p[0][c] = add(middle, mul(k, sub(p[0][c], middle)));
+            p[1][c] = mul(k, p[1][c]);
+            p[2][c] = mul(k, p[2][c]);
+        }
+    }
+    for (int c = 0; c < 3; c++) {
+        const float *m = job->eye.m[c];
+        out->v[c] = add(row_of(m, p[0]), splat(m[3]));
+        out->v[3 + c] = row_of(m, p[1]);
+        out->v[6 + c] = row_of(m, p[2]);
+    }
+    return there;
+}
+
+struct boxes {
+    __m256 x0, x1, y0, y1;
+    __m256i i0, j0, nx, ny;
+};
+
+/* sv_leaf_queue_crossing for the chosen lanes. */
+static void cross_lanes(struct sv_leaf_job *job, const struct moved *moved, unsigned chosen, bool card,
+                        uint32_t piece0)
+{
+    float lane[9][LANES];
+    for (int k = 0; k < 9; k++)
+        _mm256_storeu_ps(lane[k], moved->v[k]);
+    for (; chosen; chosen &= chosen - 1) {
+        int i = __builtin_ctz(chosen);
+        float v[9];
+        for (int k = 0; k < 9; k++)
+            v[k] = lane[k][i];
+        sv_leaf_queue_crossing(job, &sv_leaf_avx2, v, card, piece0 + (uint32_t)i);
+    }
+}
+
+/* Ranges of pixels; the mask of those that hold one. */
+static inline __m256 range(__m256 lo, __m256 hi, int size, __m256i *first, __m256i *count)
+{
+    __m256 margin = splat(SV_LEAF_MARGIN);
+    __m256 a = _mm256_ceil_ps(_mm256_max_ps(sub(lo, margin), _mm256_setzero_ps()));
+    __m256 b = _mm256_floor_ps(_mm256_min_ps(add(hi, margin), splat((float)(size - 1))));
+    *first = _mm256_cvttps_epi32(a);
+    *count = _mm256_cvttps_epi32(add(sub(b, a), splat(1)));
+    return _mm256_and_ps(in_order(lo, hi), in_order(a, b));
+}
+
+/* Corners' extent in the picture, in any order of corners; least and most depth. */
+static inline void extent(const struct moved *m, bool card, bool orthographic, struct boxes *box,
+                          __m256 *least, __m256 *most)
+{
+    for (int k = 0; k < (card ? 4 : 3); k++) {
+        __m256 p[3];
+        for (int c = 0; c < 3; c++) {
+            p[c] = k == 0 ? m->v[c] : k == 2 && !card ? add(m->v[c], m->v[6 + c]) : k == 3 ? add(m->v[c], m->v[6 + c]) : add(m->v[c], m->v[3 + c]);
+            if (k == 2 && card)
+                p[c] = add(p[c], m->v[6 + c]);
+        }
+        __m256 inverse = orthographic ? splat(1) : _mm256_div_ps(splat(1), p[2]);
+        __m256 x = mul(p[0], inverse), y = mul(p[1], inverse);
+        box->x0 = k ? _mm256_min_ps(box->x0, x) : x;
+        box->x1 = k ? _mm256_max_ps(box->x1, x) : x;
+        box->y0 = k ? _mm256_min_ps(box->y0, y) : y;
+        box->y1 = k ? _mm256_max_ps(box->y1, y) : y;
+        *least = k ? _mm256_min_ps(p[2], *least) : p[2];
+        *most = k ? _mm256_max_ps(p[2], *most) : p[2];
+    }
+}
+
+static inline void enqueue(struct sv_leaf_job *job, int q, unsigned bits, const struct moved *moved,
+                           const struct boxes *box, __m256i piece)
+{
+    struct sv_leaf_queue *queue = &job->queue[q];
+    __m256i order = order_of(bits);
+    int n = queue->count;
+    for (int k = 0; k < 9; k++)
+        store_packed(queue->v[k] + n, moved->v[k], order);
+    store_packed_i(queue->i0 + n, box->i0, order);
+    store_packed_i(queue->j0 + n, box->j0, order);
+    store_packed_i(queue->nx + n, box->nx, order);
+    store_packed_i(queue->ny + n, box->ny, order);
+    store_packed_i(queue->piece + n, piece, order);
+    queue->count = n + __builtin_popcount(bits);
+    if (queue->count >= SV_LEAF_QUEUE)
+        sv_leaf_avx2.raster(job, q);
+}
+
+static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card, bool thins,
+                                 bool orthographic)
+{
+    struct moved moved;
+    struct boxes box;
+    __m256 there = move_block(job, at, thins, &moved), least, most;
+    extent(&moved, card, orthographic, &box, &least, &most);
+    if (!orthographic) {
+        __m256 near_m = splat(job->eye.near_m), behind = _mm256_cmp_ps(least, near_m, _CMP_LT_OQ);
+        __m256 cross = _mm256_and_ps(_mm256_and_ps(there, behind), in_order(near_m, most));
+        if (bits_of(cross))
+            cross_lanes(job, &moved, bits_of(cross), card, at * LANES);
+        there = _mm256_andnot_ps(behind, there);
+    }
+    there = _mm256_and_ps(there, range(box.x0, box.x1, job->eye.width, &box.i0, &box.nx));
+    there = _mm256_and_ps(there, range(box.y0, box.y1, job->eye.height, &box.j0, &box.ny));
+    unsigned left = bits_of(there);
+    if (!left)
+        return;
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    __m256i piece = _mm256_add_epi32(_mm256_set1_epi32((int)(at * LANES)), lane);
+    __m256i side = _mm256_max_epi32(box.nx, box.ny);
+    for (int q = 0; left; q++) {
+        __m256i larger = _mm256_cmpgt_epi32(side, _mm256_set1_epi32(sv_leaf_side[q]));
+        unsigned bits = left & ~bits_of(_mm256_castsi256_ps(larger));
+        if (bits)
+            enqueue(job, q, bits, &moved, &box, piece);
+        left &= ~bits;
+    }
+}
+
+static inline void project_blocks(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster, bool card,
+                                  bool thins, bool orthographic)
+{
+    for (uint32_t b = cluster->block; b < cluster->block + cluster->block_count; b++) {
+        if (thins && job->form->fades[b].rank[0] >= job->thin.upto)
+            return;
+        project_block(job, b, card, thins, orthographic);
+    }
+}
+
+static void project(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster)
+{
+    bool thins = sv_leaf_thins(job, cluster), card = cluster->card;
+    if (job->eye.orthographic)
+        project_blocks(job, cluster, card, thins, true);
+    else if (card && thins)
+        project_blocks(job, cluster, true, true, false);
+    else if (card)
+        project_blocks(job, cluster, true, false, false);
+    else
+        project_blocks(job, cluster, false, thins, false);
+}
+
+/* ---- raster ---- */
+
+struct plane {
+    __m256 f[3];
+};
+
+struct planes {
+    struct plane s, r, q, d;
+};
+
+static inline __m256 at(const struct plane *p, __m256 x, __m256 y)
+{
+    return add(add(mul(p->f[1], y), p->f[2]), mul(p->f[0], x));
+}
+
+static inline struct plane cross(const __m256 a[3], const __m256 b[3])
+{
+    return (struct plane){{sub(mul(a[1], b[2]), mul(a[2], b[1])), sub(mul(a[2], b[0]), mul(a[0], b[2])),
+                           sub(mul(a[0], b[1]), mul(a[1], b[0]))}};
+}
+
+static inline void scale(struct plane *p, __m256 g)
+{
+    for (int k = 0; k < 3; k++)
+        p->f[k] = mul(p->f[k], g);
+}
+
+static inline void set_perspective(const struct sv_leaf_eye *eye, const __m256 v[9], __m256 i0, __m256 j0,
+                                   struct planes *p)
+{
+    __m256 w[3][3];
+    for (int n = 0; n < 3; n++) {
+        w[n][0] = sub(v[3 * n], mul(i0, v[3 * n + 2]));
+        w[n][1] = sub(v[3 * n + 1], mul(j0, v[3 * n + 2]));
+        w[n][2] = v[3 * n + 2];
+    }
+    p->q = cross(w[1], w[2]);
+    p->s = cross(w[2], w[0]);
+    p->r = cross(w[0], w[1]);
+    __m256 volume = add(add(mul(w[0][0], p->q.f[0]), mul(w[0][1], p->q.f[1])), mul(w[0][2], p->q.f[2]));
+    __m256 g = _mm256_div_ps(splat(eye->near_m), volume);
+    scale(&p->q, g);
+    scale(&p->s, g);
+    scale(&p->r, g);
+    p->d = p->q;
+}
+
+static inline void set_orthographic(const struct sv_leaf_eye *eye, const __m256 v[9], __m256 i0, __m256 j0,
+                                    struct planes *p)
+{
+    __m256 a = sub(v[0], i0), b = sub(v[1], j0), minus = splat(-0.0f), f = splat(1 / eye->far_m);
+    __m256 g = _mm256_div_ps(splat(1), sub(mul(v[3], v[7]), mul(v[4], v[6])));
+    p->s = (struct plane){{v[7], _mm256_xor_ps(v[6], minus), sub(mul(v[6], b), mul(v[7], a))}};
+    p->r = (struct plane){{_mm256_xor_ps(v[4], minus), v[3], sub(mul(a, v[4]), mul(b, v[3]))}};
+    scale(&p->s, g);
+    scale(&p->r, g);
+    p->q = (struct plane){{_mm256_setzero_ps(), _mm256_setzero_ps(), splat(1)}};
+    for (int k = 0; k < 3; k++)
+        p->d.f[k] =
+            mul(add(mul(p->s.f[k], v[5]), mul(p->r.f[k], v[8])), _mm256_xor_ps(f, minus));
+    p->d.f[2] = add(sub(splat(1), mul(v[2], f)), p->d.f[2]);
+}
+
+static inline __m256 inside(__m256 s, __m256 r, __m256 q, bool card)
+{
+    __m256 edge = mul(splat(SV_LEAF_EDGE), q), most = add(q, edge), low = _mm256_xor_ps(edge, splat(-0.0f));
+    __m256 in = _mm256_and_ps(in_order(low, s), in_order(low, r));
+    if (card)
+        return _mm256_and_ps(in, _mm256_and_ps(in_order(s, most), in_order(r, most)));
+    return _mm256_and_ps(in, in_order(add(s, r), most));
+}
+
+static inline __m256 depth_legal(__m256 d)
+{
+    return _mm256_and_ps(_mm256_cmp_ps(d, _mm256_setzero_ps(), _CMP_GT_OQ), in_order(d, splat(1)));
+}
+
+static inline void hit(struct sv_leaf_hits *hits, unsigned bits, __m256i pixel, __m256i piece, __m256 d,
+                       __m256 s, __m256 r)
+{
+    __m256i order = order_of(bits);
+    int n = hits->count;
+    store_packed_i(hits->pixel + n, pixel, order);
+    store_packed_i(hits->piece + n, piece, order);
+    store_packed(hits->d + n, d, order);
+    store_packed(hits->s + n, s, order);
+    store_packed(hits->r + n, r, order);
+    hits->count = n + __builtin_popcount(bits);
+}
+
+static inline __m256 more_than(__m256i count, int k)
+{
+    return _mm256_castsi256_ps(_mm256_cmpgt_epi32(count, _mm256_set1_epi32(k)));
+}
+
+/* Pixel (kx, ky) of eight boxes. */
+static inline void slot(struct sv_leaf_job *job, const struct planes *p, __m256 mask, int kx, int ky,
+                        __m256i pixel, __m256i piece, bool card)
+{
+    __m256 x = splat((float)kx), y = splat((float)ky);
+    __m256 s = at(&p->s, x, y), r = at(&p->r, x, y), q = at(&p->q, x, y), d = at(&p->d, x, y);
+    mask = _mm256_and_ps(mask, _mm256_and_ps(inside(s, r, q, card), depth_legal(d)));
+    if (!bits_of(mask))
+        return;
+    __m256 held = _mm256_mask_i32gather_ps(_mm256_setzero_ps(), job->depth, pixel, mask, 4);
+    unsigned bits = bits_of(_mm256_and_ps(mask, in_order(held, d)));
+    if (bits)
+        hit(&job->hits, bits, pixel, piece, d, s, r);
+}
+
+static inline int most_of(__m256i v)
+{
+    int lane[LANES], most = 0;
+    _mm256_storeu_si256((__m256i *)(void *)lane, v);
+    for (int i = 0; i < LANES; i++)
+        most = lane[i] > most ? lane[i] : most;
+    return most;
+}
+
+static inline void raster_eight(struct sv_leaf_job *job, const struct sv_leaf_queue *queue, int n, bool card,
+                                bool orthographic)
+{
+    __m256 v[9];
+    struct planes p;
+    for (int k = 0; k < 9; k++)
+        v[k] = _mm256_load_ps(queue->v[k] + n);
+    __m256i i0 = _mm256_load_si256((const __m256i *)(const void *)(queue->i0 + n));
+    __m256i j0 = _mm256_load_si256((const __m256i *)(const void *)(queue->j0 + n));
+    __m256i nx = _mm256_load_si256((const __m256i *)(const void *)(queue->nx + n));
+    __m256i ny = _mm256_load_si256((const __m256i *)(const void *)(queue->ny + n));
+    __m256i piece = _mm256_load_si256((const __m256i *)(const void *)(queue->piece + n));
+    __m256 x0 = _mm256_cvtepi32_ps(i0), y0 = _mm256_cvtepi32_ps(j0);
+    if (orthographic)
+        set_orthographic(&job->eye, v, x0, y0, &p);
+    else
+        set_perspective(&job->eye, v, x0, y0, &p);
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), width = _mm256_set1_epi32(job->eye.width);
+    int lanes = queue->count - n;
+    nx = _mm256_and_si256(nx, _mm256_cmpgt_epi32(_mm256_set1_epi32(lanes), lane)); /* the queue's end */
+    __m256i pixel = _mm256_add_epi32(_mm256_mullo_epi32(j0, width), i0);
+    int columns = most_of(nx), rows = most_of(_mm256_and_si256(ny, _mm256_cmpgt_epi32(nx, _mm256_setzero_si256())));
+    for (int ky = 0; ky < rows; ky++) {
+        __m256 row = more_than(ny, ky);
+        for (int kx = 0; kx < columns; kx++)
+            slot(job, &p, _mm256_and_ps(row, more_than(nx, kx)), kx, ky,
+                 _mm256_add_epi32(pixel, _mm256_set1_epi32(kx)), piece, card);
+        pixel = _mm256_add_epi32(pixel, width);
+    }
+}
+
+static inline void lane_planes(const struct planes *from, int i, struct planes *to)
+{
+    const struct plane *a[4] = {&from->s, &from->r, &from->q, &from->d};
+    struct plane *b[4] = {&to->s, &to->r, &to->q, &to->d};
+    for (int n = 0; n < 4; n++)
+        for (int k = 0; k < 3; k++)
+            b[n]->f[k] = _mm256_permutevar8x32_ps(a[n]->f[k], _mm256_set1_epi32(i));
+}
+
+/* One piece of any size, a row at a time. */
+static inline void raster_rows(struct sv_leaf_job *job, const struct sv_leaf_queue *queue, int n,
+                               const struct planes *p, bool card)
+{
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    int nx = queue->nx[n];
+    __m256i piece = _mm256_set1_epi32((int)queue->piece[n]);
+    for (int y = 0; y < queue->ny[n]; y++) {
+        int first = (queue->j0[n] + y) * job->eye.width + queue->i0[n];
+        __m256 fy = splat((float)y);
+        for (int x = 0; x < nx; x += LANES) {
+            __m256i column = _mm256_add_epi32(_mm256_set1_epi32(x), lane);
+            __m256i inbox = _mm256_cmpgt_epi32(_mm256_set1_epi32(nx), column);
+            __m256 fx = _mm256_cvtepi32_ps(column);
+            __m256 s = at(&p->s, fx, fy), r = at(&p->r, fx, fy), q = at(&p->q, fx, fy);
+            __m256 d = at(&p->d, fx, fy);
+            __m256 mask = _mm256_and_ps(_mm256_castsi256_ps(inbox), inside(s, r, q, card));
+            mask = _mm256_and_ps(mask, depth_legal(d));
+            if (!bits_of(mask))
+                continue;
+            __m256 held = _mm256_maskload_ps(job->depth + first + x, inbox);
+            unsigned bits = bits_of(_mm256_and_ps(mask, in_order(held, d)));
+            if (bits)
+                hit(&job->hits, bits, _mm256_add_epi32(_mm256_set1_epi32(first), column), piece, d, s, r);
+            if (job->hits.count >= SV_LEAF_HITS)
+                sv_leaf_avx2.settle(job);
+        }
+    }
+}
+
+static inline void raster_large(struct sv_leaf_job *job, const struct sv_leaf_queue *queue, int n, bool card,
+                                bool orthographic)
+{
+    __m256 v[9];
+    struct planes p, one;
+    for (int k = 0; k < 9; k++)
+        v[k] = _mm256_load_ps(queue->v[k] + n);
+    __m256 i0 = _mm256_cvtepi32_ps(_mm256_load_si256((const __m256i *)(const void *)(queue->i0 + n)));
+    __m256 j0 = _mm256_cvtepi32_ps(_mm256_load_si256((const __m256i *)(const void *)(queue->j0 + n)));
+    if (orthographic)
+        set_orthographic(&job->eye, v, i0, j0, &p);
+    else
+        set_perspective(&job->eye, v, i0, j0, &p);
+    for (int i = 0; i < LANES && n + i < queue->count; i++) {
+        lane_planes(&p, i, &one);
+        raster_rows(job, queue, n + i, &one, card);
+    }
+}
+
+static inline void raster_queue(struct sv_leaf_job *job, int q, bool card, bool orthographic)
+{
+    struct sv_leaf_queue *queue = &job->queue[q];
+    for (int n = 0; n < queue->count; n += LANES) {
+        if (q == SV_LEAF_QUEUES - 1)
+            raster_large(job, queue, n, card, orthographic);
+        else
+            raster_eight(job, queue, n, card, orthographic);
+        if (job->hits.count >= SV_LEAF_HITS)
+            sv_leaf_avx2.settle(job);
+    }
+    queue->count = 0;
+}
+
+static void raster(struct sv_leaf_job *job, int q)
+{
+    if (job->eye.orthographic)
+        raster_queue(job, q, job->card, true);
+    else if (job->card)
+        raster_queue(job, q, true, false);
+    else
+        raster_queue(job, q, false, false);
+}
+
+/* ---- settle ---- */
+
+static inline __m256i wrap_low(__m256i i, int size)
+{
+    return _mm256_add_epi32(i, _mm256_and_si256(_mm256_srai_epi32(i, 31), _mm256_set1_epi32(size)));
+}
+
+static inline __m256i wrap_high(__m256i i, int size)
+{
+    __m256i next = _mm256_add_epi32(i, _mm256_set1_epi32(1)), all = _mm256_set1_epi32(size);
+    __m256i over = _mm256_cmpgt_epi32(all, next);
+    return _mm256_sub_epi32(next, _mm256_andnot_si256(over, all));
+}
+
+static inline __m256 texel_of(__m256 u, int size)
+{
+    __m256 x = sub(mul(sub(u, _mm256_floor_ps(u)), splat((float)size)), splat(0.5f));
+    return _mm256_and_ps(x, _mm256_and_ps(in_order(splat(-1), x), in_order(x, splat((float)size))));
+}
+
+static inline __m256 alpha_at(const int *rgba, __m256i index)
+{
+    return _mm256_cvtepi32_ps(_mm256_srli_epi32(_mm256_i32gather_epi32(rgba, index, 4), 24));
+}
+
+static inline __m256 mix(__m256 a, __m256 b, __m256 t)
+{
+    return add(a, mul(sub(b, a), t));
+}
+
+static inline __m256 is_there(const struct sv_leaf_job *job, __m256i piece, __m256 s, __m256 r)
+{
+    const struct sv_leaf_mask *mask = &job->mask;
+    const float *uv = &job->form->uv[0][0];
+    const int *rgba = (const int *)(const void *)mask->rgba;
+    __m256i at6 = _mm256_mullo_epi32(piece, _mm256_set1_epi32(6));
+    __m256 f[6];
+    for (int k = 0; k < 6; k++)
+        f[k] = _mm256_i32gather_ps(uv + k, at6, 4);
+    __m256 x = texel_of(add(add(f[0], mul(s, f[2])), mul(r, f[4])), mask->width);
+    __m256 y = texel_of(add(add(f[1], mul(s, f[3])), mul(r, f[5])), mask->height);
+    __m256 bx = _mm256_floor_ps(x), by = _mm256_floor_ps(y), fu = sub(x, bx), fv = sub(y, by);
+    __m256i i = _mm256_cvttps_epi32(bx), j = _mm256_cvttps_epi32(by), w = _mm256_set1_epi32(mask->width);
+    __m256i i0 = wrap_low(i, mask->width), i1 = wrap_high(i, mask->width);
+    __m256i j0 = _mm256_mullo_epi32(wrap_low(j, mask->height), w);
+    __m256i j1 = _mm256_mullo_epi32(wrap_high(j, mask->height), w);
+    __m256 top = mix(alpha_at(rgba, _mm256_add_epi32(j0, i0)), alpha_at(rgba, _mm256_add_epi32(j0, i1)), fu);
+    __m256 low = mix(alpha_at(rgba, _mm256_add_epi32(j1, i0)), alpha_at(rgba, _mm256_add_epi32(j1, i1)), fu);
+    __m256 alpha = mul(mul(mix(top, low, fv), splat(1.0f / 255.0f)), splat(mask->factor));
+    return _mm256_cmp_ps(alpha, splat(mask->cutoff), _CMP_NLT_UQ);
+}
+
+static inline __m256 held(__m256 v)
+{
+    return _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), splat(1));
+}
+
+static inline __m256i sixteen(__m256 v)
+{
+    return _mm256_cvttps_epi32(add(mul(v, splat(65535)), splat(0.5f)));
+}
+
+static inline void settle_eight(struct sv_leaf_job *job, int n)
+{
+    const struct sv_leaf_hits *hits = &job->hits;
+    __m256 d = _mm256_load_ps(hits->d + n), s = _mm256_load_ps(hits->s + n), r = _mm256_load_ps(hits->r + n);
+    __m256i piece = _mm256_load_si256((const __m256i *)(const void *)(hits->piece + n));
+    __m256 inverse = job->eye.orthographic ? splat(1) : _mm256_div_ps(splat(1), d);
+    s = held(mul(s, inverse));
+    r = held(mul(r, inverse));
+    unsigned left = job->mask.rgba ? bits_of(is_there(job, piece, s, r)) : 255;
+    uint32_t place[LANES];
+    _mm256_storeu_si256((__m256i *)(void *)place,
+                        _mm256_or_si256(sixteen(s), _mm256_slli_epi32(sixteen(r), 16)));
+    for (; left; left &= left - 1) {
+        int i = __builtin_ctz(left);
+        sv_leaf_put(job, hits->pixel[n + i], hits->d[n + i], hits->piece[n + i], place[i]);
+    }
+}
+
+static void settle(struct sv_leaf_job *job)
+{
+    int n = 0, count = job->hits.count;
+    for (; n + LANES <= count; n += LANES)
+        settle_eight(job, n);
+    sv_leaf_settle_run(job, n, count);
+    job->hits.count = 0;
+}
+
+static float least(const float *depth, int stride, int w, int h)
+{
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    __m256 low = splat(INFINITY);
+    for (int j = 0; j < h; j++)
+        for (int i = 0; i < w; i += LANES) {
+            __m256i in = _mm256_cmpgt_epi32(_mm256_set1_epi32(w - i), lane);
+            __m256 v = _mm256_maskload_ps(depth + (size_t)j * (size_t)stride + (size_t)i, in);
+            low = _mm256_min_ps(_mm256_blendv_ps(low, v, _mm256_castsi256_ps(in)), low);
+        }
+    float lanes[LANES], best = INFINITY;
+    _mm256_storeu_ps(lanes, low);
+    for (int i = 0; i < LANES; i++)
+        best = sv_leaf_min(lanes[i], best);
+    return best;
+}
+
+const struct sv_leaf_kernel sv_leaf_avx2 = {.project = project,
+                                            .raster = raster,
+                                            .settle = settle,
+                                            .shade = sv_leaf_shade_avx2,
+                                            .least = least};

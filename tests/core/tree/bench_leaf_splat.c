@@ -1,0 +1,220 @@
+/* bench_leaf_splat.c - what near trees cost as leaf splats, and how far they are from the truth: a line for each
+ * species and size, beside the ray cast of one sample in the same run. Asserts no time.
+ *
+ * bench_leaf_splat [LEAVES [MODEL ...]]; SV_TEST_PICTURES names a folder for sheets: thinned out, whole, one ray a
+ * pixel, 64 rays a pixel. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "core/scene/id.h"
+#include "core/tree/grow.h"
+#include "core/tree/import.h"
+#include "core/tree/leaf_kernel.h"
+#include "core/view/compare.h"
+#include "tests/core/tree/leaf_fixture.h"
+#include "tests/core/view/scene_kit.h"
+
+enum { ROUNDS = 9 };
+
+static double now_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static void must(enum sv_status status, const struct sv_error *error)
+{
+    if (status == SV_OK)
+        return;
+    fprintf(stderr, "%s: %s: %s\n", sv_status_text(status), error->field, error->message);
+    exit(1);
+}
+
+/* A tree of 20 m at the distance that makes it px tall, seen from a little above its foot. */
+static struct sv_leaf_view view_of(double px)
+{
+    struct sv_leaf_view view = {0};
+    int side = px > 500 ? 1152 : px > 250 ? 576 : 320;
+    struct sv_camera *c = &view.camera;
+    c->width = c->height = side;
+    c->vfov_rad = sv_radians(px > 500 ? 60 : px > 250 ? 40 : 22);
+    c->near_m = 0.1;
+    double focal = 0.5 * side / tan(0.5 * c->vfov_rad), distance = focal * 20 / px;
+    c->eye = sv_add(leaf_fixture_middle(), sv_vec3(0, -distance, 8));
+    sv_camera_aim(c, 0, atan2(2, distance), 0);
+    sv_light_from_sun(&(struct sv_sun){sv_radians(135), sv_radians(40)}, &view.light);
+    return view;
+}
+
+struct errors {
+    double mae, ssim, gradient;
+};
+
+/* Pixels that the tree changes, and their neighbours. */
+static void tree_mask(const struct sv_image *with, const struct sv_image *without, struct sv_image *mask)
+{
+    struct sv_error error;
+    must(sv_image_alloc(with->width, with->height, 1, SV_PIXEL_U8, mask, &error), &error);
+    uint8_t *m = mask->data;
+    const uint8_t *a = with->data, *b = without->data;
+    for (int j = 1; j < with->height - 1; j++)
+        for (int i = 1; i < with->width - 1; i++) {
+            size_t p = (size_t)j * (size_t)with->width + (size_t)i;
+            if (memcmp(a + 4 * p, b + 4 * p, 3) == 0)
+                continue;
+            for (int k = 0; k < 9; k++)
+                m[p + (size_t)(k % 3 - 1) + (size_t)((k / 3 - 1) * with->width)] = 1;
+        }
+}
+
+static struct errors errors_of(const uint8_t *color, const struct sv_image *truth, const struct sv_image *mask)
+{
+    struct sv_error error;
+    struct sv_image picture = *truth;
+    picture.data = (void *)(uintptr_t)color;
+    struct sv_compare_options options = {mask, 8};
+    struct sv_compare_result r;
+    must(sv_compare(&picture, truth, &options, &r, &error), &error);
+    return (struct errors){r.mean_abs, r.ssim, r.gradient_ratio};
+}
+
+struct timing {
+    double ms;
+    struct sv_leaf_splat_stats stats;
+};
+
+static struct timing draw(struct leaf_fixture *f, const struct sv_leaf_view *view, const struct sv_truth_picture *ground,
+                          const float *fraction, struct sv_canvas *keep)
+{
+    double ms[ROUNDS];
+    struct timing t = {0};
+    struct sv_error error;
+    for (int k = 0; k < ROUNDS; k++) {
+        struct sv_canvas canvas = leaf_canvas(ground, &view->camera);
+        struct sv_leaf_splat_trees trees = {.trees = f->scene->forest.trees,
+                                            .entries = f->entries,
+                                            .count = f->scene->forest.count,
+                                            .fraction = fraction,
+                                            .id_first = SV_ID_TREE_FIRST};
+        double start = now_ms();
+        must(sv_leaf_splat_draw(f->splat, view, &canvas, &trees, &t.stats, &error), &error);
+        ms[k] = now_ms() - start;
+        if (k + 1 < ROUNDS)
+            leaf_canvas_finish(&canvas);
+        else
+            *keep = canvas;
+    }
+    qsort(ms, ROUNDS, sizeof *ms, by_value);
+    t.ms = ms[ROUNDS / 2];
+    return t;
+}
+
+static void keep_sheet(const char *name, double px, const struct sv_image *model, const uint8_t *const colors[4])
+{
+    int w = model->width, h = model->height, side = (int)fmin(w, px * 1.3);
+    struct sv_error error;
+    struct sv_image sheet;
+    must(sv_image_alloc(4 * side, side, 4, SV_PIXEL_U8, &sheet, &error), &error);
+    for (int k = 0; k < 4; k++)
+        for (int j = 0; j < side; j++)
+            memcpy((uint8_t *)sheet.data + ((size_t)j * 4 + (size_t)k) * (size_t)side * 4,
+                   colors[k] + ((size_t)(j + (h - side) / 2) * (size_t)w + (size_t)((w - side) / 2)) * 4,
+                   (size_t)side * 4);
+    char file[128];
+    snprintf(file, sizeof file, "%s-%04.0f", name, px);
+    kit_keep(&sheet, file);
+    sv_image_free(&sheet);
+}
+
+static void measure(struct leaf_fixture *f, const char *name, double px)
+{
+    struct sv_leaf_view view = view_of(px);
+    struct sv_truth_picture ground, one, truth, bare;
+    leaf_fixture_truth(f, &view, 1, false, false, &ground);
+    double start = now_ms();
+    leaf_fixture_truth(f, &view, 1, false, false, &bare);
+    double ground_ms = now_ms() - start;
+    start = now_ms();
+    leaf_fixture_truth(f, &view, 1, true, false, &one);
+    double ray_ms = now_ms() - start - ground_ms;
+    leaf_picture_finish(&bare);
+    leaf_fixture_truth(f, &view, 64, false, false, &bare);
+    leaf_fixture_truth(f, &view, 64, true, false, &truth);
+    struct sv_image mask;
+    tree_mask(&truth.color, &bare.color, &mask);
+    struct sv_canvas whole, thin;
+    const float all = 1;
+    struct timing t1 = draw(f, &view, &ground, &all, &whole), t2 = draw(f, &view, &ground, NULL, &thin);
+    struct errors e0 = errors_of(one.color.data, &truth.color, &mask);
+    struct errors e1 = errors_of(whole.color, &truth.color, &mask);
+    struct errors e2 = errors_of(thin.color, &truth.color, &mask);
+    float fraction = sv_leaf_splat_fraction(f->splat, 0, px);
+    printf("%-10s %5.0f px  whole %6.2f ms (%u of %u clusters hidden, %llu px)  thin %4.2f: %6.2f ms  rays +%6.2f ms  "
+           "MAE %5.2f %5.2f rays %5.2f  SSIM %.3f %.3f rays %.3f  gradient %.2f %.2f rays %.2f\n",
+           name, px, t1.ms, t1.stats.hidden_clusters, t1.stats.clusters, (unsigned long long)t1.stats.pixels,
+           (double)fraction, t2.ms, ray_ms, e1.mae, e2.mae, e0.mae, e1.ssim, e2.ssim, e0.ssim, e1.gradient,
+           e2.gradient, e0.gradient);
+    keep_sheet(name, px, &truth.color,
+               (const uint8_t *const[4]){thin.color, whole.color, one.color.data, truth.color.data});
+    leaf_canvas_finish(&whole);
+    leaf_canvas_finish(&thin);
+    sv_image_free(&mask);
+    leaf_picture_finish(&ground);
+    leaf_picture_finish(&one);
+    leaf_picture_finish(&truth);
+    leaf_picture_finish(&bare);
+}
+
+static void bench(const char *name, struct sv_tree_mesh *mesh)
+{
+    struct sv_vec3 at = leaf_fixture_middle();
+    struct sv_tree tree = {.x = at.x, .y = at.y, .z = at.z, .height_m = 20, .rotation_rad = 0.7f};
+    struct leaf_fixture f;
+    double start = now_ms();
+    struct sv_leaf_form form;
+    struct sv_error error;
+    must(sv_leaf_form_init(mesh, &form, &error), &error);
+    double ms = now_ms() - start;
+    printf("%-10s %u triangles, %u leaves in %u clusters, %.1f MB, made in %.1f ms, area %.2e\n", name,
+           mesh->index_count / 3, form.leaf_count, form.cluster_count, (double)form.bytes / 1e6, ms,
+           (double)form.leaf_area);
+    sv_leaf_form_finish(&form);
+    leaf_fixture_init(&f, mesh, 1, &tree, 1);
+    const char *wish = getenv("BENCH_PX");
+    static const double sizes[] = {30, 60, 120, 200, 250, 500, 1000};
+    for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++)
+        if (!wish || atof(wish) == sizes[k])
+            measure(&f, name, sizes[k]);
+    leaf_fixture_finish(&f);
+    sv_tree_mesh_finish(mesh);
+}
+
+int main(int argc, char **argv)
+{
+    uint32_t leaves = argc > 1 ? (uint32_t)atoi(argv[1]) : 38952;
+    struct sv_error error = {0};
+    struct sv_tree_mesh mesh;
+    for (int k = 0; k < SV_HABIT_COUNT && leaves; k++) {
+        must(sv_tree_grow((enum sv_habit)k, leaves, (uint64_t)k + 1, &mesh, &error), &error);
+        bench(sv_habit_name((enum sv_habit)k), &mesh);
+    }
+    for (int k = 2; k < argc; k++) {
+        struct sv_errors notes = {0};
+        must(sv_tree_import(argv[k], &mesh, &notes, &error), &error);
+        const char *name = strrchr(argv[k], '/') ? strrchr(argv[k], '/') + 1 : argv[k];
+        char shown[32];
+        snprintf(shown, sizeof shown, "%.10s", name);
+        bench(shown, &mesh);
+    }
+    return 0;
+}
