@@ -93,7 +93,7 @@ size_t sv_api_camera_json(const struct sv_resolved_view *resolved, char out[SV_C
 
 /* "trees=raycast; relief=off; samples=16; shadows=on". Returns out. */
 const char *sv_api_plan_text(const struct sv_plan *plan, char *out, size_t size);
-/* The form that trees are drawn in: "none", "raycast", "polygon", or for auto "polygon+impostor". */
+/* The form that trees are drawn in: as trees= names it, or for auto "leaf+coarse". */
 const char *sv_api_plan_trees(const struct sv_plan *plan);
 
 #endif

@@ -163,9 +163,6 @@ static const struct sv_field table[SV_FIELD_COUNT] = {
                         .unit = "",
                         .choices = trees,
                         .preset = "auto",
-                        .unbuilt_choices = 1u << SV_TREES_BILLBOARD | 1u << SV_TREES_INDIRECT |
-                                           1u << SV_TREES_DENSITY | 1u << SV_TREES_DENSITY_PAPER |
-                                           1u << SV_TREES_COARSE,
                         .help = "Forces one representation of trees, for measuring; none leaves them out."},
     [SV_FIELD_RELIEF] = {.type = SV_FIELD_CHOICE,
                          .unit = "",

@@ -1,23 +1,56 @@
-/* draw.c - see draw.h: chooses trees and forms for a view, then polygons, then impostors over them. */
+/* draw.c - see draw.h: culls, chooses each tree's form, hands the lists to the forms. */
 #include "core/tree/draw.h"
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/base/color.h"
 #include "core/scene/id.h"
+#include "core/tree/draw_cloud.h"
 #include "core/tree/draw_cull.h"
-#include "core/tree/draw_impostor.h"
 #include "core/tree/draw_mesh.h"
+#include "core/tree/leaf_splat.h"
+#include "core/tree/sprite.h"
+
+/* From this share of near_px on, trees fade: leaves come first, then the sprite goes, so that a crown is never
+ * thinner than in either form. */
+static const double FADE_FROM = 0.8;
 
 struct sv_tree_draw {
     const struct sv_forest *forest;
+    struct sv_tree_draw_species *given;
     struct sv_cull_species *species;
     int species_count;
-    struct sv_mesh_draw *meshes;
-    struct sv_quad_draw *quads;
+    struct sv_store *store;
+    struct sv_mesh_draw *meshes;  /* made when first drawn */
+    struct sv_cloud_draw *clouds; /* made when first drawn */
+    struct sv_sprite_draw *sprites;
+    struct sv_leaf_splat *leaves;
     struct sv_cull_list list;
+    /* Of the list: what each form draws, nearest first, and by how much of it. */
+    struct choice {
+        struct sv_cull_entry *entries;
+        float *weights;
+        uint32_t count;
+    } near, far;
+    uint32_t room;
 };
+
+const char *sv_tree_form_name(enum sv_tree_form form)
+{
+    static const char *const names[] = {
+#define X(name, text) [name] = text,
+        SV_TREE_FORM_LIST(X)
+#undef X
+    };
+    return (unsigned)form < SV_TREE_FORM_COUNT ? names[form] : "unknown form";
+}
+
+bool sv_tree_form_on_canvas(enum sv_tree_form form)
+{
+    return form == SV_TREE_FORM_AUTO || form == SV_TREE_FORM_COARSE || form == SV_TREE_FORM_LEAF;
+}
 
 static enum sv_status check_forest(const struct sv_tree_draw_species *species, int species_count,
                                    const struct sv_forest *forest, struct sv_error *error)
@@ -32,6 +65,18 @@ static enum sv_status check_forest(const struct sv_tree_draw_species *species, i
     return SV_OK;
 }
 
+static enum sv_status create_forms(struct sv_tree_draw *draw, struct sv_error *error)
+{
+    enum sv_status status =
+        sv_sprite_draw_create(draw->given, draw->species_count, draw->store, &draw->sprites, error);
+    if (!status)
+        status = sv_leaf_splat_create(draw->given, draw->species_count, &draw->leaves, error);
+    for (int k = 0; k < draw->species_count && !status; k++)
+        if (draw->given[k].tree_count > 0)
+            status = sv_leaf_splat_prepare(draw->leaves, k, error);
+    return status;
+}
+
 enum sv_status sv_tree_draw_create(const struct sv_tree_draw_species *species, int species_count,
                                    const struct sv_forest *forest, struct sv_store *store,
                                    struct sv_tree_draw **out, struct sv_error *error)
@@ -40,22 +85,24 @@ enum sv_status sv_tree_draw_create(const struct sv_tree_draw_species *species, i
     if (status)
         return status;
     struct sv_tree_draw *draw = calloc(1, sizeof *draw);
-    if (draw)
+    if (draw) {
         draw->species = calloc((size_t)species_count + 1, sizeof *draw->species);
-    if (!draw || !draw->species) {
+        draw->given = calloc((size_t)species_count + 1, sizeof *draw->given);
+    }
+    if (!draw || !draw->species || !draw->given) {
         sv_tree_draw_destroy(draw);
         return sv_fail(error, SV_ENOMEM, "species", "no memory to draw %d species", species_count);
     }
     sv_color_init();
     draw->forest = forest;
     draw->species_count = species_count;
-    for (int k = 0; k < species_count; k++)
+    draw->store = store;
+    for (int k = 0; k < species_count; k++) {
+        draw->given[k] = species[k];
         if (species[k].tree_count > 0)
-            draw->species[k] =
-                (struct sv_cull_species){species[k].mesh->radius, species[k].mesh->index_count / 3};
-    status = sv_mesh_draw_create(species, species_count, SV_ID_TREE_FIRST, &draw->meshes, error);
-    if (!status)
-        status = sv_quad_draw_create(species, species_count, store, &draw->quads, error);
+            draw->species[k] = (struct sv_cull_species){species[k].mesh->radius};
+    }
+    status = create_forms(draw, error);
     if (status) {
         sv_tree_draw_destroy(draw);
         return status;
@@ -69,9 +116,16 @@ void sv_tree_draw_destroy(struct sv_tree_draw *draw)
     if (!draw)
         return;
     sv_mesh_draw_destroy(draw->meshes);
-    sv_quad_draw_destroy(draw->quads);
+    sv_cloud_draw_destroy(draw->clouds);
+    sv_sprite_draw_destroy(draw->sprites);
+    sv_leaf_splat_destroy(draw->leaves);
     sv_cull_list_finish(&draw->list);
+    free(draw->near.entries);
+    free(draw->near.weights);
+    free(draw->far.entries);
+    free(draw->far.weights);
     free(draw->species);
+    free(draw->given);
     free(draw);
 }
 
@@ -82,35 +136,139 @@ enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw *draw, struct
     if (!species)
         return sv_fail(error, SV_ENOMEM, "species", "no memory to shade %d species", draw->species_count);
     for (int k = 0; k < draw->species_count; k++)
-        species[k] = sv_quad_draw_shade_species(draw->quads, k);
+        species[k] = sv_sprite_draw_shade_species(draw->sprites, k);
     enum sv_status status = sv_tree_shade_create(species, draw->species_count, draw->forest, shade, error);
     free(species);
     return status;
+}
+
+static enum sv_status make_room(struct sv_tree_draw *draw, uint32_t count, struct sv_error *error)
+{
+    if (draw->room >= count)
+        return SV_OK;
+    struct choice *both[2] = {&draw->near, &draw->far};
+    draw->room = 0;
+    for (int k = 0; k < 2; k++) {
+        free(both[k]->entries);
+        free(both[k]->weights);
+        both[k]->entries = malloc(count * sizeof *both[k]->entries);
+        both[k]->weights = malloc(count * sizeof *both[k]->weights);
+        if (!both[k]->entries || !both[k]->weights)
+            return sv_fail(error, SV_ENOMEM, "forest", "no memory to choose the forms of %u trees", count);
+    }
+    draw->room = count;
+    return SV_OK;
+}
+
+static void put(struct choice *choice, struct sv_cull_entry entry, double weight)
+{
+    if (!(weight > 0))
+        return;
+    choice->entries[choice->count] = entry;
+    choice->weights[choice->count++] = (float)fmin(weight, 1);
+}
+
+/* Splits the list into leaf splats and sprites. */
+static void choose(struct sv_tree_draw *draw, const struct sv_camera *camera,
+                   const struct sv_tree_draw_options *options)
+{
+    draw->near.count = draw->far.count = 0;
+    double near_px = options->form == SV_TREE_FORM_COARSE ? INFINITY : options->near_px;
+    for (uint32_t k = 0; k < draw->list.count; k++) {
+        struct sv_cull_entry entry = draw->list.entries[k];
+        double h = sv_cull_height_px(camera, &draw->forest->trees[entry.tree]);
+        double from = FADE_FROM * near_px, come = near_px > from ? (h - from) / (near_px - from) : h >= near_px;
+        come = options->form == SV_TREE_FORM_LEAF ? 1 : come;
+        put(&draw->near, entry, 2 * come);
+        put(&draw->far, entry, 2 - 2 * come);
+    }
+}
+
+static enum sv_status draw_canvas(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
+                                  const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
+                                  struct sv_tree_draw_stats *stats, struct sv_error *error)
+{
+    if (!options->canvas)
+        return sv_fail(error, SV_EINVAL, "canvas", "form %s is drawn into a canvas, and there is none",
+                       sv_tree_form_name(options->form));
+    enum sv_status status = make_room(draw, draw->list.count, error);
+    if (status)
+        return status;
+    choose(draw, &frame->camera, options);
+    struct sv_leaf_view leaf_view = {frame->camera, frame->light, frame->shift_x_px, frame->shift_y_px};
+    struct sv_leaf_splat_trees near = {.trees = draw->forest->trees,
+                                       .entries = draw->near.entries,
+                                       .count = draw->near.count,
+                                       .weight = draw->near.weights,
+                                       .lights = lights,
+                                       .id_first = SV_ID_TREE_FIRST};
+    status = sv_leaf_splat_draw(draw->leaves, &leaf_view, options->canvas, &near, NULL, error);
+    struct sv_sprite_view view = {&frame->camera, &frame->light, frame->shift_x_px, frame->shift_y_px};
+    struct sv_sprite_list far = {draw->far.entries, draw->far.weights, draw->far.count, false};
+    if (!status)
+        status = sv_sprite_draw_trees(draw->sprites, &view, options->canvas, draw->forest->trees, &far, lights,
+                                      error);
+    stats->trees[SV_TREE_FORM_LEAF] = draw->near.count;
+    stats->trees[SV_TREE_FORM_COARSE] = draw->far.count;
+    return status;
+}
+
+static enum sv_status draw_polygons(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
+                                    struct sv_tree_lights lights, struct sv_error *error)
+{
+    enum sv_status status = SV_OK;
+    if (!draw->meshes)
+        status = sv_mesh_draw_create(draw->given, draw->species_count, SV_ID_TREE_FIRST, &draw->meshes, error);
+    return status ? status
+                  : sv_mesh_draw_trees(draw->meshes, frame, draw->forest->trees, draw->list.entries,
+                                       draw->list.count, lights, error);
+}
+
+static enum sv_cloud_form cloud_form(enum sv_tree_form form)
+{
+    static const enum sv_cloud_form forms[SV_TREE_FORM_COUNT] = {
+        [SV_TREE_FORM_BILLBOARD] = SV_CLOUD_FORM_BILLBOARD,
+    };
+    return forms[form];
+}
+
+static enum sv_status draw_cloud(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
+                                 enum sv_tree_form form, struct sv_tree_lights lights, struct sv_error *error)
+{
+    enum sv_status status = SV_OK;
+    if (!draw->clouds)
+        status = sv_cloud_draw_create(draw->given, draw->species_count, draw->store, &SV_CLOUD_OPTIONS_DEFAULT,
+                                      &draw->clouds, error);
+    return status ? status
+                  : sv_cloud_draw_trees(draw->clouds, cloud_form(form), frame, draw->forest->trees,
+                                        draw->list.entries, draw->list.count, lights, error);
 }
 
 enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                    const struct sv_tree_draw_options *options,
                                    struct sv_tree_draw_stats *stats, struct sv_error *error)
 {
-    if (!(options->polygon_px >= 0))
-        return sv_fail(error, SV_EINVAL, "polygon_px", "%g is not a size in px of at least 0",
-                       options->polygon_px);
-    struct sv_cull_list *list = &draw->list;
+    if (!(options->near_px >= 0))
+        return sv_fail(error, SV_EINVAL, "near_px", "%g is not a size in px of at least 0", options->near_px);
+    struct sv_tree_draw_stats own = {{0}, 0};
     struct sv_tree_lights lights = {NULL, NULL};
     if (options->shade)
         lights = sv_tree_shade_lights(options->shade);
-    const struct sv_tree *trees = draw->forest->trees;
-    enum sv_status status =
-        sv_cull_forest(draw->forest, draw->species, &frame->camera, frame->planes, options, list, error);
-    if (!status)
-        status =
-            sv_mesh_draw_trees(draw->meshes, frame, trees, list->entries, list->polygon_count, lights, error);
-    if (!status)
-        status = sv_quad_draw_trees(draw->quads, frame, trees, list->entries + list->polygon_count,
-                                    list->impostor_count, options->color_only, lights, error);
+    enum sv_status status = sv_cull_forest(draw->forest, draw->species, &frame->camera, frame->planes,
+                                           &draw->list, error);
+    if (status)
+        return status;
+    own.culled_trees = draw->list.culled;
+    if (sv_tree_form_on_canvas(options->form)) {
+        status = draw_canvas(draw, frame, options, lights, &own, error);
+    } else {
+        own.trees[options->form] = draw->list.count;
+        status = options->form == SV_TREE_FORM_POLYGON
+                     ? draw_polygons(draw, frame, lights, error)
+                     : draw_cloud(draw, frame, options->form, lights, error);
+    }
     if (!status && stats)
-        *stats = (struct sv_tree_draw_stats){list->polygon_count, list->impostor_count, list->culled,
-                                             list->triangles + 2 * (uint64_t)list->impostor_count};
+        *stats = own;
     return status;
 }
 
@@ -118,7 +276,28 @@ size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_
 {
     if (species < 0 || species >= draw->species_count)
         return 0;
-    if (form == SV_TREE_FORM_POLYGON)
-        return sv_mesh_draw_bytes(draw->meshes, species);
-    return form == SV_TREE_FORM_IMPOSTOR ? sv_quad_draw_bytes(draw->quads, species) : 0;
+    switch (form) {
+    case SV_TREE_FORM_POLYGON:
+        return draw->meshes ? sv_mesh_draw_bytes(draw->meshes, species) : 0;
+    case SV_TREE_FORM_BILLBOARD:
+    case SV_TREE_FORM_INDIRECT:
+    case SV_TREE_FORM_DENSITY:
+    case SV_TREE_FORM_DENSITY_PAPER:
+        return draw->clouds ? sv_cloud_draw_bytes(draw->clouds, species, cloud_form(form)) : 0;
+    case SV_TREE_FORM_COARSE:
+        return sv_sprite_draw_bytes(draw->sprites, species);
+    case SV_TREE_FORM_LEAF:
+        return sv_leaf_splat_bytes(draw->leaves, species);
+    case SV_TREE_FORM_AUTO:
+    case SV_TREE_FORM_COUNT:
+        break;
+    }
+    return 0;
+}
+
+enum sv_status sv_tree_draw_prepare(const struct sv_tree_draw_species *species, struct sv_store *store,
+                                    struct sv_error *error)
+{
+    sv_color_init();
+    return sv_sprite_prepare(species, store, error);
 }

@@ -1,11 +1,16 @@
-/* draw.h - trees drawn by OSMesa: polygons near, a baked impostor far, instanced, culled on the forest's
- * hierarchy. */
+/* draw.h - a forest drawn: which trees a view can see, each in a form that shows it well enough.
+ *
+ * Forms (design.md section 4): polygons and billboard clouds are drawn by OSMesa into the bound target; the
+ * coarse form (sprite.h) and `auto`, which is leaf splats near and sprites far, on the CPU over what GL has
+ * drawn before (canvas.h). Only what a view asks for is built: meshes and clouds when first drawn, sprites and
+ * leaf forms with the drawing itself, because nearly every view needs them and workers then share them. */
 #ifndef SV_TREE_DRAW_H
 #define SV_TREE_DRAW_H
 
 #include "core/base/store.h"
 #include "core/gl/frame.h"
 #include "core/scene/forest.h"
+#include "core/tree/canvas.h"
 #include "core/tree/mesh.h"
 #include "core/tree/shade.h"
 
@@ -17,44 +22,60 @@ struct sv_tree_draw_species {
     uint32_t tree_count;             /* 0: nothing of it is built */
 };
 
-enum sv_tree_form { SV_TREE_FORM_AUTO, SV_TREE_FORM_POLYGON, SV_TREE_FORM_IMPOSTOR };
+/* Names as in /v1/scene and trees=. */
+#define SV_TREE_FORM_LIST(X)                          \
+    X(SV_TREE_FORM_AUTO, "auto")                      \
+    X(SV_TREE_FORM_POLYGON, "polygon")                \
+    X(SV_TREE_FORM_BILLBOARD, "billboard")            \
+    X(SV_TREE_FORM_INDIRECT, "indirect")              \
+    X(SV_TREE_FORM_DENSITY, "density")                \
+    X(SV_TREE_FORM_DENSITY_PAPER, "density_paper")    \
+    X(SV_TREE_FORM_COARSE, "coarse")                  \
+    X(SV_TREE_FORM_LEAF, "leaf")
+
+enum sv_tree_form {
+#define X(name, text) name,
+    SV_TREE_FORM_LIST(X)
+#undef X
+        SV_TREE_FORM_COUNT
+};
+const char *sv_tree_form_name(enum sv_tree_form form);
+/* Whether the form is drawn on the CPU: sv_tree_draw_forest then wants a canvas. */
+bool sv_tree_form_on_canvas(enum sv_tree_form form);
 
 struct sv_tree_draw_options {
     enum sv_tree_form form;
-    double polygon_px;        /* AUTO: trees at least this tall in the picture are polygons ... */
-    uint32_t triangle_budget; /* ... nearest first, until this many triangles are spent */
-    bool color_only; /* nobody reads depth, id or normal after this call: impostors leave them alone, which is
-                        faster */
+    double near_px; /* AUTO: trees at least this tall in the picture are leaf splats */
     const struct sv_tree_shade *shade; /* NULL: no shadows; else made of this drawing, updated for the frame's
                                           sun */
+    const struct sv_canvas *canvas; /* forms on the CPU: what terrain and objects left, of the frame's size */
 };
-#define SV_TREE_DRAW_OPTIONS_DEFAULT \
-    ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 160, 400000, false, NULL})
+#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 160, NULL, NULL})
 
+/* A tree that fades from one form into the other counts in both. */
 struct sv_tree_draw_stats {
-    uint32_t polygon_trees, impostor_trees, culled_trees;
-    uint64_t triangles;
+    uint32_t trees[SV_TREE_FORM_COUNT]; /* drawn in each form; [AUTO]: 0 */
+    uint32_t culled_trees;
 };
 
-/* Bakes (or takes from the store) the impostors of every species that has trees, uploads everything. Heights
- * in the forest are metres, meshes have height
- * 1. store may be NULL. */
+/* Builds (or takes from the store) what `auto` needs of every species that has trees. Heights in the forest are
+ * metres, meshes have height 1. store may be NULL; it is kept. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_create(const struct sv_tree_draw_species *species,
                                                  int species_count, const struct sv_forest *forest,
                                                  struct sv_store *store, struct sv_tree_draw **draw,
                                                  struct sv_error *error);
 void sv_tree_draw_destroy(struct sv_tree_draw *draw);
+/* SV_EINVAL: near_px is not a size, or the canvas does not fit. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                                  const struct sv_tree_draw_options *options,
                                                  struct sv_tree_draw_stats *stats, struct sv_error *error);
-/* The forest in sunlight (shade.h), from the impostors of this drawing, which must outlive it. SV_ENOMEM. */
+/* The forest in sunlight (shade.h), from the sprites of this drawing, which must outlive it. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw *draw,
                                                        struct sv_tree_shade **shade, struct sv_error *error);
-/* Bytes that a species takes in a form (POLYGON or IMPOSTOR), textures with mip levels; 0 when not built. */
+/* Bytes that a species takes in a form, textures with mip levels; 0 when it is not built. */
 size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_tree_form form);
-/* Bakes one species' impostor into the store (needs a current GL context); what the scene process does side
- * by side in forked children. */
-SV_MUST_CHECK enum sv_status sv_tree_impostor_prepare(const struct sv_tree_draw_species *species,
-                                                      struct sv_store *store, struct sv_error *error);
+/* Builds into the store what sv_tree_draw_create would build of one species; any process, no GL. */
+SV_MUST_CHECK enum sv_status sv_tree_draw_prepare(const struct sv_tree_draw_species *species,
+                                                  struct sv_store *store, struct sv_error *error);
 
 #endif

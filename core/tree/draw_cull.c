@@ -79,7 +79,7 @@ static void add_trees(const struct sv_forest *forest, const struct sv_forest_nod
         if (!all && relate(&box, planes) == OUTSIDE)
             continue;
         uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(camera, tree));
-        list->entries[list->impostor_count++] = (struct sv_cull_entry){key, k};
+        list->entries[list->count++] = (struct sv_cull_entry){key, k};
     }
 }
 
@@ -133,43 +133,14 @@ struct sv_cull_entry *sv_cull_sort(struct sv_cull_entry *entries, struct sv_cull
 
 static void sort_near_first(struct sv_cull_list *list)
 {
-    struct sv_cull_entry *sorted = sv_cull_sort(list->entries, list->swap, list->impostor_count);
+    struct sv_cull_entry *sorted = sv_cull_sort(list->entries, list->swap, list->count);
     list->swap = sorted == list->entries ? list->swap : list->entries;
     list->entries = sorted;
 }
 
-/* Splits the list, nearest first, into polygons and the rest, and turns the rest over. The nearest polygon
- * may alone exceed the budget; the first later one that does closes the list. */
-static void choose(const struct sv_forest *forest, const struct sv_cull_species *species,
-                   const struct sv_camera *camera, const struct sv_tree_draw_options *options,
-                   struct sv_cull_list *list)
-{
-    uint32_t count = list->impostor_count, near = 0, far = 0;
-    bool limited = options->form == SV_TREE_FORM_AUTO;
-    bool closed = options->form == SV_TREE_FORM_IMPOSTOR || (limited && options->triangle_budget == 0);
-    for (uint32_t k = 0; k < count; k++) {
-        struct sv_cull_entry entry = list->entries[k];
-        const struct sv_tree *tree = &forest->trees[entry.tree];
-        bool tall = !limited || sv_cull_height_px(camera, tree) >= options->polygon_px;
-        uint64_t sum = list->triangles + species[tree->species].triangles;
-        closed = closed || (limited && tall && near > 0 && sum > options->triangle_budget);
-        if (closed || !tall) {
-            list->swap[far++] = entry;
-            continue;
-        }
-        list->entries[near++] = entry;
-        list->triangles = sum;
-    }
-    list->polygon_count = near;
-    list->impostor_count = far;
-    for (uint32_t k = 0; k < far; k++)
-        list->entries[near + k] = list->swap[far - 1 - k];
-}
-
 enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cull_species *species,
                               const struct sv_camera *camera, const double planes[5][4],
-                              const struct sv_tree_draw_options *options, struct sv_cull_list *list,
-                              struct sv_error *error)
+                              struct sv_cull_list *list, struct sv_error *error)
 {
     if (list->room < forest->count) {
         struct sv_cull_entry *made = malloc(2 * (size_t)forest->count * sizeof *made);
@@ -178,13 +149,11 @@ enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cu
         sv_cull_list_finish(list);
         *list = (struct sv_cull_list){.entries = made, .swap = made + forest->count, .room = forest->count};
     }
-    list->polygon_count = list->impostor_count = 0;
-    list->triangles = 0;
+    list->count = 0;
     if (forest->node_count > 0)
         walk(forest, species, camera, planes, list);
-    list->culled = forest->count - list->impostor_count;
+    list->culled = forest->count - list->count;
     sort_near_first(list);
-    choose(forest, species, camera, options, list);
     return SV_OK;
 }
 

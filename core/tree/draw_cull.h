@@ -1,8 +1,7 @@
-/* draw_cull.h - which trees a view can see, in which form each is drawn, and in which order. No GL.
+/* draw_cull.h - which trees a view can see, nearest first. No GL.
  *
- * Flow: the forest's hierarchy of boxes against the view's five planes, then each tree's own box; the size in
- * the picture decides the form; polygons come out nearest first (early depth test), impostors farthest first
- * (blending). A function of the view and the forest alone. Private to core/tree. */
+ * The forest's hierarchy of boxes against the view's five planes, then each tree's own box. A function of the
+ * view and the forest alone. Private to core/tree. */
 #ifndef SV_TREE_DRAW_CULL_H
 #define SV_TREE_DRAW_CULL_H
 
@@ -12,7 +11,6 @@
 
 struct sv_cull_species {
     float radius; /* in heights */
-    uint32_t triangles;
 };
 
 struct sv_cull_entry {
@@ -24,17 +22,14 @@ struct sv_cull_entry {
 struct sv_cull_list {
     struct sv_cull_entry *entries, *swap; /* heap */
     uint32_t room;
-    uint32_t polygon_count;  /* entries[0 .. polygon_count), nearest first */
-    uint32_t impostor_count; /* entries[polygon_count ..), farthest first */
+    uint32_t count; /* entries[0 .. count), nearest first */
     uint32_t culled;
-    uint64_t triangles; /* of the polygons */
 };
 
 /* planes as sv_camera_planes gives them. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_cull_forest(const struct sv_forest *forest,
                                             const struct sv_cull_species *species,
                                             const struct sv_camera *camera, const double planes[5][4],
-                                            const struct sv_tree_draw_options *options,
                                             struct sv_cull_list *list, struct sv_error *error);
 void sv_cull_list_finish(struct sv_cull_list *list);
 

@@ -36,6 +36,7 @@ struct sv_renderer {
     struct sv_gl_shadows shadows;           /* of the view that is being drawn */
     sv_clock_ms clock;
     struct sv_gl_target *target; /* the last one used: most clients keep their size */
+    struct sv_image depth;       /* of a canvas, when the picture has none; of the target's size or empty */
     int target_width, target_height;
     unsigned target_layers;
 };
@@ -45,6 +46,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     if (!renderer)
         return;
     sv_gl_target_destroy(renderer->target);
+    sv_image_free(&renderer->depth);
     sv_shadow_height_finish(&renderer->scene_sun.terrain);
     sv_shadow_height_finish(&renderer->other_sun.terrain);
     sv_shadow_draw_destroy(renderer->shadow_draw);
@@ -221,6 +223,7 @@ static enum sv_status want_target(struct sv_renderer *r, int width, int height, 
     if (r->target && r->target_width == width && r->target_height == height && r->target_layers == layers)
         return SV_OK;
     sv_gl_target_destroy(r->target);
+    sv_image_free(&r->depth);
     r->target = NULL;
     enum sv_status status = sv_gl_target_create(width, height, layers, &r->target, error);
     if (status)
@@ -255,9 +258,101 @@ static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolv
     return sv_object_draw_view(r->objects, frame, &options, stats, error);
 }
 
-/* One pass: everything once, at one sample position, into the renderer's target. */
+static enum sv_tree_form form_of(enum sv_trees trees)
+{
+    static const enum sv_tree_form forms[SV_TREES_COUNT] = {
+        [SV_TREES_AUTO] = SV_TREE_FORM_AUTO,
+        [SV_TREES_POLYGON] = SV_TREE_FORM_POLYGON,
+        [SV_TREES_BILLBOARD] = SV_TREE_FORM_BILLBOARD,
+        [SV_TREES_INDIRECT] = SV_TREE_FORM_INDIRECT,
+        [SV_TREES_DENSITY] = SV_TREE_FORM_DENSITY,
+        [SV_TREES_DENSITY_PAPER] = SV_TREE_FORM_DENSITY_PAPER,
+        [SV_TREES_COARSE] = SV_TREE_FORM_COARSE,
+    };
+    return forms[trees];
+}
+
+static enum sv_status read_layers(struct sv_renderer *r, unsigned layers, struct sv_picture *picture,
+                                  struct sv_error *error)
+{
+    enum sv_status status = SV_OK;
+    for (int k = 0; k < SV_LAYER_COUNT && !status; k++)
+        if (layers & 1u << k)
+            status = sv_gl_target_read(r->target, (enum sv_layer)k, &picture->layer[k], error);
+    return status;
+}
+
+/* The picture as what trees are drawn over on the CPU; scratch is put where it lacks colour. */
+static enum sv_status canvas_of(struct sv_renderer *r, struct sv_picture *picture, unsigned layers,
+                                struct sv_image *scratch, struct sv_canvas *canvas, struct sv_error *error)
+{
+    struct sv_image *depth = layers & 1u << SV_LAYER_DEPTH ? &picture->layer[SV_LAYER_DEPTH] : &r->depth;
+    struct sv_image *color = layers & 1u << SV_LAYER_COLOR ? &picture->layer[SV_LAYER_COLOR] : scratch;
+    int width = r->target_width, height = r->target_height;
+    enum sv_status status = SV_OK;
+    if (!depth->data)
+        status = sv_image_alloc(width, height, 1, SV_PIXEL_F32, depth, error);
+    if (!status && !color->data)
+        status = sv_image_alloc(width, height, 4, SV_PIXEL_U8, color, error);
+    if (!status && depth == &r->depth)
+        status = sv_gl_target_read(r->target, SV_LAYER_DEPTH, depth, error);
+    *canvas = (struct sv_canvas){.width = width,
+                                 .height = height,
+                                 .row_count = height,
+                                 .depth = depth->data,
+                                 .color = color->data,
+                                 .id = layers & 1u << SV_LAYER_ID ? picture->layer[SV_LAYER_ID].data : NULL,
+                                 .normal = layers & 1u << SV_LAYER_NORMAL ? picture->layer[SV_LAYER_NORMAL].data
+                                                                          : NULL};
+    return status;
+}
+
+/* The trees of a view: in the target, or over what has been read from it. */
+static enum sv_status draw_trees(struct sv_renderer *r, const struct sv_resolved_view *view,
+                                 const struct sv_gl_frame *frame, const struct sv_canvas *canvas,
+                                 struct sv_draw_stats *stats, struct sv_error *error)
+{
+    struct sv_tree_draw_stats trees = {0};
+    struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
+    options.form = form_of(view->plan.trees);
+    options.near_px = view->plan.near_px;
+    options.shade = frame->shadows ? r->shade : NULL;
+    options.canvas = canvas;
+    enum sv_status status = sv_tree_draw_forest(r->trees, frame, &options, &trees, error);
+    if (!status && stats)
+        for (int k = 0; k < SV_TREE_FORM_COUNT; k++) {
+            bool near = k == SV_TREE_FORM_LEAF || k == SV_TREE_FORM_POLYGON;
+            *(near ? &stats->near_trees : &stats->far_trees) += trees.trees[k];
+        }
+    return status;
+}
+
+/* Ground, sky and objects, into the renderer's target. */
+static enum sv_status draw_ground(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky,
+                                  unsigned layers, const struct sv_gl_frame *frame, struct sv_draw_stats *stats,
+                                  struct sv_error *error)
+{
+    struct sv_terrain_draw_stats terrain = {0};
+    enum sv_status status = sv_terrain_draw(r->terrain, frame, view->plan.terrain_error_px, &terrain, error);
+    /* The sky comes before the trees: their soft edges blend over it. */
+    if (!status && sky && layers & 1u << SV_LAYER_COLOR)
+        status = sv_sky_draw(frame, error);
+    struct sv_object_draw_stats objects = {0};
+    if (!status && r->objects)
+        status = draw_objects(r, view, frame, layers, &objects, error);
+    if (!status && stats) {
+        stats->terrain_triangles = terrain.triangles;
+        stats->terrain_error_px = terrain.max_error_px;
+        stats->polygon_objects = objects.polygon_objects;
+        stats->relief_objects = objects.relief_objects;
+    }
+    return status;
+}
+
+/* One pass: everything once, at one sample position, into the layers of the picture. Depth stays as GL has it. */
 static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky, unsigned layers,
-                                double shift_x, double shift_y, struct sv_draw_stats *stats, struct sv_error *error)
+                                double shift_x, double shift_y, struct sv_picture *picture,
+                                struct sv_draw_stats *stats, struct sv_error *error)
 {
     enum sv_status status = want_target(r, view->camera.width, view->camera.height, layers, error);
     if (status)
@@ -274,32 +369,22 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
         return status;
     sv_gl_target_begin(r->target);
     status = sv_gl_frame_begin(&frame, error);
-    struct sv_terrain_draw_stats terrain = {0};
     if (!status)
-        status = sv_terrain_draw(r->terrain, &frame, view->plan.terrain_error_px, &terrain, error);
-    /* The sky comes before the trees: their soft edges blend over it. */
-    if (!status && sky && layers & 1u << SV_LAYER_COLOR)
-        status = sv_sky_draw(&frame, error);
-    struct sv_object_draw_stats objects = {0};
-    if (!status && r->objects)
-        status = draw_objects(r, view, &frame, layers, &objects, error);
-    struct sv_tree_draw_stats trees = {0};
-    if (!status && r->trees && view->plan.draw_trees) {
-        struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
-        options.form = view->plan.trees == SV_TREES_POLYGON ? SV_TREE_FORM_POLYGON : SV_TREE_FORM_AUTO;
-        options.polygon_px = view->plan.polygon_px;
-        options.triangle_budget = view->plan.triangle_budget;
-        options.color_only = layers == 1u << SV_LAYER_COLOR;
-        options.shade = frame.shadows ? r->shade : NULL;
-        status = sv_tree_draw_forest(r->trees, &frame, &options, &trees, error);
-    }
-    if (!status && stats) {
-        stats->terrain_triangles = terrain.triangles;
-        stats->terrain_error_px = terrain.max_error_px;
-        stats->polygon_trees = trees.polygon_trees;
-        stats->impostor_trees = trees.impostor_trees;
-        stats->polygon_objects = objects.polygon_objects;
-        stats->relief_objects = objects.relief_objects;
+        status = draw_ground(r, view, sky, layers, &frame, stats, error);
+    bool trees = r->trees && view->plan.draw_trees, canvas_form = sv_tree_form_on_canvas(form_of(view->plan.trees));
+    if (stats)
+        stats->near_trees = stats->far_trees = 0;
+    if (!status && trees && !canvas_form)
+        status = draw_trees(r, view, &frame, NULL, stats, error);
+    if (!status)
+        status = read_layers(r, layers, picture, error);
+    if (!status && trees && canvas_form) {
+        struct sv_image scratch = {0};
+        struct sv_canvas canvas;
+        status = canvas_of(r, picture, layers, &scratch, &canvas, error);
+        if (!status)
+            status = draw_trees(r, view, &frame, &canvas, stats, error);
+        sv_image_free(&scratch);
     }
     return status ? status : sv_gl_check("draw_pass", error);
 }
@@ -330,26 +415,12 @@ static void depth_to_metres(const struct sv_camera *camera, struct sv_image *dep
                              : (float)(camera->far_m * (1.0 - (double)d[i]));
 }
 
-static enum sv_status read_layers(struct sv_renderer *r, const struct sv_camera *camera, unsigned layers,
-                                  struct sv_picture *picture, struct sv_error *error)
-{
-    for (int k = 0; k < SV_LAYER_COUNT; k++) {
-        if (!(layers & 1u << k))
-            continue;
-        enum sv_status status = sv_gl_target_read(r->target, (enum sv_layer)k, &picture->layer[k], error);
-        if (status)
-            return status;
-    }
-    if (layers & 1u << SV_LAYER_DEPTH)
-        depth_to_metres(camera, &picture->layer[SV_LAYER_DEPTH]);
-    return SV_OK;
-}
-
 /* Mean of several passes in linear light, at the sample positions that the ray caster uses too. */
 static enum sv_status draw_supersampled(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky,
-                                        struct sv_image *color, struct sv_timings *timings,
+                                        struct sv_picture *picture, struct sv_timings *timings,
                                         struct sv_draw_stats *stats, struct sv_error *error)
 {
+    struct sv_image *color = &picture->layer[SV_LAYER_COLOR];
     size_t n = (size_t)color->width * (size_t)color->height * 4;
     float *sum = calloc(n, sizeof *sum);
     if (!sum)
@@ -359,9 +430,7 @@ static enum sv_status draw_supersampled(struct sv_renderer *r, const struct sv_r
     for (int k = 0; k < samples && !status; k++) {
         double dx, dy, since = now(r);
         sv_camera_sample_offset(samples, k, &dx, &dy);
-        status = draw_pass(r, view, sky, 1u << SV_LAYER_COLOR, dx, dy, stats, error);
-        if (!status)
-            status = sv_gl_target_read(r->target, SV_LAYER_COLOR, color, error);
+        status = draw_pass(r, view, sky, 1u << SV_LAYER_COLOR, dx, dy, picture, stats, error);
         stage(r, timings, SV_STAGE_NEAR, since);
         since = now(r);
         const uint8_t *p = color->data;
@@ -391,8 +460,7 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
 {
     unsigned layers = request->layers;
     if (view->plan.samples > 1 && layers & 1u << SV_LAYER_COLOR) {
-        enum sv_status status = draw_supersampled(r, view, request->sky, &picture->layer[SV_LAYER_COLOR], timings,
-                                                  stats, error);
+        enum sv_status status = draw_supersampled(r, view, request->sky, picture, timings, stats, error);
         if (status)
             return status;
         layers &= ~(1u << SV_LAYER_COLOR);
@@ -400,9 +468,9 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
     double since = now(r);
     enum sv_status status = SV_OK;
     if (layers) { /* depth, normal and id are never averaged: the pixel's centre decides */
-        status = draw_pass(r, view, request->sky, layers, 0, 0, stats, error);
-        if (!status)
-            status = read_layers(r, &view->camera, layers, picture, error);
+        status = draw_pass(r, view, request->sky, layers, 0, 0, picture, stats, error);
+        if (!status && layers & 1u << SV_LAYER_DEPTH)
+            depth_to_metres(&view->camera, &picture->layer[SV_LAYER_DEPTH]);
         stage(r, timings, SV_STAGE_NEAR, since);
     }
     since = now(r);

@@ -165,25 +165,19 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
     view->sun.azimuth_rad -= 2 * SV_PI * floor(view->sun.azimuth_rad / (2 * SV_PI));
 }
 
-/* How much a quality may cost: the screen-space error of the ground, what trees may be polygons, and how large
- * the texels of a relief may be. */
+/* How much a quality may cost: the screen-space error of the ground, from which size on trees are drawn leaf by
+ * leaf, and how large the texels of a relief may be. */
 static const struct {
-    double terrain_error_px, polygon_px;
-    uint32_t triangle_budget;
-    double relief_texel_px;
+    double terrain_error_px, near_px, relief_texel_px;
 } quality_table[SV_QUALITY_COUNT] = {
-    [SV_QUALITY_FAST] = {2.0, 320, 150000, 2},
-    [SV_QUALITY_BALANCED] = {1.0, 160, 600000, 1},
-    [SV_QUALITY_HIGH] = {0.5, 96, 4000000, 0.5},
-    [SV_QUALITY_REFERENCE] = {0.0, 0, UINT32_MAX, 0},
+    [SV_QUALITY_FAST] = {2.0, 320, 2},
+    [SV_QUALITY_BALANCED] = {1.0, 160, 1},
+    [SV_QUALITY_HIGH] = {0.5, 96, 0.5},
+    [SV_QUALITY_REFERENCE] = {0.0, 0, 0},
 };
 
-static enum sv_status resolve_plan(const struct sv_view_request *request, struct sv_plan *plan,
-                                   struct sv_error *error)
+static void resolve_plan(const struct sv_view_request *request, struct sv_plan *plan)
 {
-    if (request->trees != SV_TREES_AUTO && request->trees != SV_TREES_RAYCAST && request->trees != SV_TREES_POLYGON &&
-        request->trees != SV_TREES_NONE)
-        return sv_fail(error, SV_EUNSUPPORTED, "trees", "trees=%s is not built yet", sv_trees_name(request->trees));
     bool reference = request->quality == SV_QUALITY_REFERENCE;
     plan->raycast = reference || request->trees == SV_TREES_RAYCAST;
     plan->draw_trees = request->trees != SV_TREES_NONE;
@@ -192,10 +186,8 @@ static enum sv_status resolve_plan(const struct sv_view_request *request, struct
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;
     plan->relief_texel_px =
         request->relief == SV_RELIEF_OFF ? 0 : quality_table[request->quality].relief_texel_px;
-    plan->polygon_px = quality_table[request->quality].polygon_px;
-    plan->triangle_budget = quality_table[request->quality].triangle_budget;
+    plan->near_px = quality_table[request->quality].near_px;
     plan->trees = plan->raycast && plan->draw_trees ? SV_TREES_RAYCAST : request->trees;
-    return SV_OK;
 }
 
 /* Far plane of an orthographic view: past every corner of the scene's box. */
@@ -217,8 +209,9 @@ enum sv_status sv_view_resolve(const struct sv_scene *scene, const struct sv_vie
 {
     struct sv_resolved_view view;
     memset(&view, 0, sizeof view); /* padding too: the struct is hashed and sent as bytes */
-    enum sv_status status = resolve_plan(request, &view.plan, error);
-    if (!status && request->north_true && sv_crs_is_local(scene->crs))
+    resolve_plan(request, &view.plan);
+    enum sv_status status = SV_OK;
+    if (request->north_true && sv_crs_is_local(scene->crs))
         status = sv_fail(error, SV_EINVAL, "north",
                          "the scene has no place on Earth (its CRS is local): north=true has no meaning; use grid");
     if (!status)

@@ -19,9 +19,8 @@ struct sv_plan {
     int samples;
     double terrain_error_px; /* 0: full detail */
     double relief_texel_px;  /* objects whose relief texels are at most this large are reliefs; 0: none */
-    enum sv_trees trees;     /* the form: auto is polygon near and impostor far */
-    double polygon_px;
-    uint32_t triangle_budget;
+    enum sv_trees trees;     /* the form */
+    double near_px;          /* auto: trees at least this tall in the picture are drawn leaf by leaf */
 };
 
 struct sv_resolved_view {

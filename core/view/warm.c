@@ -2,8 +2,7 @@
  *
  * A variant of a shader depends on the formats that are attached and on blending, not on the camera, the sun
  * or the air, which are uniforms. So one pose does, if it sees ground near and far (terrain/draw.c has a
- * program for each zone of depth) and trees both as polygons and as impostors; objects have a pose of their
- * own. It is drawn with shadows and without, whose programs differ; the first also makes the window of
+ * program for each zone of depth); objects have a pose of their own. Trees of `auto` need no shader. It is drawn with shadows and without, whose programs differ; the first also makes the window of
  * sunlight over all of the scene (terrain/draw_shadow.h). */
 #include "core/view/warm.h"
 
@@ -11,10 +10,6 @@
 #include <string.h>
 
 enum { SIDE_PX = 64 };
-
-/* Nearest trees are polygons, the others impostors: enough for a few of any species. */
-static const double POLYGON_PX = 8;
-static const uint32_t TRIANGLE_BUDGET = 300000;
 
 /* Eyes this far from a tree, at the height of its middle. */
 static const double DISTANCE_HEIGHTS = 1.5;
@@ -79,8 +74,6 @@ enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene 
     for (int shadows = 1; shadows >= 0 && !status; shadows--) {
         request.shadows = shadows;
         status = sv_view_resolve(scene, &request, &view, NULL, error);
-        view.plan.polygon_px = POLYGON_PX;
-        view.plan.triangle_budget = TRIANGLE_BUDGET;
         if (!status)
             status = sv_renderer_draw(renderer, &request, &view, &picture, NULL, NULL, error);
         if (!status)

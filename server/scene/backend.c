@@ -99,10 +99,12 @@ static void species_facts(const struct sv_backend *backend, struct sv_species_fa
                                            .vertex_count = species->mesh.vertex_count};
         if (!draw)
             continue;
-        out[i].forms[out[i].form_count++] =
-            (struct sv_form_facts){"polygon", sv_tree_draw_bytes(draw, i, SV_TREE_FORM_POLYGON)};
-        out[i].forms[out[i].form_count++] =
-            (struct sv_form_facts){"impostor", sv_tree_draw_bytes(draw, i, SV_TREE_FORM_IMPOSTOR)};
+        for (int form = SV_TREE_FORM_AUTO + 1; form < SV_TREE_FORM_COUNT; form++) {
+            size_t bytes = sv_tree_draw_bytes(draw, i, (enum sv_tree_form)form);
+            if (bytes > 0)
+                out[i].forms[out[i].form_count++] =
+                    (struct sv_form_facts){sv_tree_form_name((enum sv_tree_form)form), bytes};
+        }
     }
 }
 

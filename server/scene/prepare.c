@@ -50,7 +50,7 @@ static void build(const struct sv_prepare *p, int species)
     struct sv_error error;
     if (sv_species_build(&p->spec->species[species], p->store, &mesh, &draw.key, NULL, &error) != SV_OK)
         return;
-    if (sv_tree_impostor_prepare(&draw, p->store, &error) != SV_OK)
+    if (sv_tree_draw_prepare(&draw, p->store, &error) != SV_OK)
         sv_log(SV_LOG_DEBUG, "prepare", "%s: %s", p->spec->species[species].name, error.message);
     sv_tree_mesh_finish(&mesh);
 }

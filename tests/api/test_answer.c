@@ -184,7 +184,7 @@ static void view_headers(void **state)
     assert_string_equal(sv_api_headers_find(&h, "Vary"), "Accept, Origin");
     assert_string_equal(sv_api_headers_find(&h, "Silvista-Cell"), "none");
     assert_string_equal(sv_api_headers_find(&h, "Silvista-Plan"),
-                        "trees=polygon+impostor; relief=off; samples=4; shadows=off");
+                        "trees=leaf+coarse; relief=off; samples=4; shadows=off");
     assert_string_equal(sv_api_headers_find(&h, "Silvista-Route"), "100/5001,52003,8");
     assert_non_null(strstr(sv_api_headers_find(&h, "Silvista-Camera"), "\"vfov\":60"));
     assert_null(sv_api_headers_find(&h, "Silvista-Error")); /* nothing is predicted yet */
