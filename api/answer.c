@@ -136,7 +136,7 @@ static uint64_t hash_resolved(uint64_t h, const struct sv_resolved_view *v)
     const struct sv_camera *c = &v->camera;
     const double numbers[] = {
         c->vfov_rad,          c->ortho_height_m,        c->near_m,         c->far_m, v->sun.azimuth_rad,
-        v->sun.elevation_rad, v->plan.terrain_error_px, v->plan.near_px};
+        v->sun.elevation_rad, v->plan.terrain_error_px, v->plan.tree_error_px};
     const uint64_t integers[] = {
         c->projection,   (uint64_t)c->width,     (uint64_t)c->height, v->air,
         v->plan.raycast, v->plan.draw_trees,     v->plan.shadows,     (uint64_t)v->plan.samples,

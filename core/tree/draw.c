@@ -10,10 +10,11 @@
 #include "core/tree/draw_cloud.h"
 #include "core/tree/draw_cull.h"
 #include "core/tree/draw_mesh.h"
+#include "core/tree/ladder.h"
 #include "core/tree/leaf_splat.h"
 #include "core/tree/sprite.h"
 
-/* From this share of near_px on, trees fade: leaves come first, then the sprite goes, so that a crown is never
+/* From this share of the size where leaves begin on, trees fade: leaves come first, then the sprite goes, so that a crown is never
  * thinner than in either form. */
 static const double FADE_FROM = 0.8;
 
@@ -27,6 +28,8 @@ struct sv_tree_draw {
     struct sv_cloud_draw *clouds; /* made when first drawn */
     struct sv_sprite_draw *sprites;
     struct sv_leaf_splat *leaves;
+    struct sv_ladder *ladders;
+    double *near_px; /* of each species, for the view at hand */
     struct sv_cull_list list;
     /* Of the list: what each form draws, nearest first, and by how much of it. */
     struct choice {
@@ -65,6 +68,14 @@ static enum sv_status check_forest(const struct sv_tree_draw_species *species, i
     return SV_OK;
 }
 
+static enum sv_status obtain_ladder(struct sv_tree_draw *draw, int k, struct sv_error *error)
+{
+    enum sv_status status = sv_leaf_splat_prepare(draw->leaves, k, error);
+    return status ? status
+                  : sv_ladder_obtain(draw->sprites, draw->leaves, k, &draw->given[k], draw->store,
+                                     &draw->ladders[k], error);
+}
+
 static enum sv_status create_forms(struct sv_tree_draw *draw, struct sv_error *error)
 {
     enum sv_status status =
@@ -73,7 +84,7 @@ static enum sv_status create_forms(struct sv_tree_draw *draw, struct sv_error *e
         status = sv_leaf_splat_create(draw->given, draw->species_count, &draw->leaves, error);
     for (int k = 0; k < draw->species_count && !status; k++)
         if (draw->given[k].tree_count > 0)
-            status = sv_leaf_splat_prepare(draw->leaves, k, error);
+            status = obtain_ladder(draw, k, error);
     return status;
 }
 
@@ -88,8 +99,10 @@ enum sv_status sv_tree_draw_create(const struct sv_tree_draw_species *species, i
     if (draw) {
         draw->species = calloc((size_t)species_count + 1, sizeof *draw->species);
         draw->given = calloc((size_t)species_count + 1, sizeof *draw->given);
+        draw->ladders = calloc((size_t)species_count + 1, sizeof *draw->ladders);
+        draw->near_px = calloc((size_t)species_count + 1, sizeof *draw->near_px);
     }
-    if (!draw || !draw->species || !draw->given) {
+    if (!draw || !draw->species || !draw->given || !draw->ladders || !draw->near_px) {
         sv_tree_draw_destroy(draw);
         return sv_fail(error, SV_ENOMEM, "species", "no memory to draw %d species", species_count);
     }
@@ -126,6 +139,8 @@ void sv_tree_draw_destroy(struct sv_tree_draw *draw)
     free(draw->far.weights);
     free(draw->species);
     free(draw->given);
+    free(draw->ladders);
+    free(draw->near_px);
     free(draw);
 }
 
@@ -173,12 +188,15 @@ static void choose(struct sv_tree_draw *draw, const struct sv_camera *camera,
                    const struct sv_tree_draw_options *options)
 {
     draw->near.count = draw->far.count = 0;
-    double near_px = options->form == SV_TREE_FORM_COARSE ? INFINITY : options->near_px;
+    for (int k = 0; k < draw->species_count; k++)
+        draw->near_px[k] = options->form == SV_TREE_FORM_AUTO ? sv_tree_draw_near_px(draw, k, options->error_px)
+                           : options->form == SV_TREE_FORM_LEAF ? 0
+                                                                : INFINITY;
     for (uint32_t k = 0; k < draw->list.count; k++) {
         struct sv_cull_entry entry = draw->list.entries[k];
-        double h = sv_cull_height_px(camera, &draw->forest->trees[entry.tree]);
-        double from = FADE_FROM * near_px, come = near_px > from ? (h - from) / (near_px - from) : h >= near_px;
-        come = options->form == SV_TREE_FORM_LEAF ? 1 : come;
+        const struct sv_tree *tree = &draw->forest->trees[entry.tree];
+        double near_px = draw->near_px[tree->species], from = FADE_FROM * near_px;
+        double h = sv_cull_height_px(camera, tree), come = h >= near_px ? 1 : h > from ? (h - from) / (near_px - from) : 0;
         put(&draw->near, entry, 2 * come);
         put(&draw->far, entry, 2 - 2 * come);
     }
@@ -248,8 +266,8 @@ enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl
                                    const struct sv_tree_draw_options *options,
                                    struct sv_tree_draw_stats *stats, struct sv_error *error)
 {
-    if (!(options->near_px >= 0))
-        return sv_fail(error, SV_EINVAL, "near_px", "%g is not a size in px of at least 0", options->near_px);
+    if (!(options->error_px > 0))
+        return sv_fail(error, SV_EINVAL, "error_px", "%g is not an error in px above 0", options->error_px);
     struct sv_tree_draw_stats own = {{0}, 0};
     struct sv_tree_lights lights = {NULL, NULL};
     if (options->shade)
@@ -270,6 +288,13 @@ enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl
     if (!status && stats)
         *stats = own;
     return status;
+}
+
+double sv_tree_draw_near_px(const struct sv_tree_draw *draw, int species, double error_px)
+{
+    if (species < 0 || species >= draw->species_count || draw->given[species].tree_count == 0)
+        return INFINITY;
+    return sv_ladder_near_px(&draw->ladders[species], error_px);
 }
 
 size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_tree_form form)

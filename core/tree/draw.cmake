@@ -1,5 +1,5 @@
 # sv_tree_draw: what draws trees: by OSMesa, and on the CPU (sprite.h, leaf_splat.h).
-add_library(sv_tree_draw STATIC draw.c draw_cull.c draw_mesh.c impostor.c impostor_bake.c impostor_frame.c
+add_library(sv_tree_draw STATIC draw.c draw_cull.c ladder.c draw_mesh.c impostor.c impostor_bake.c impostor_frame.c
             impostor_guess.c impostor_raster.c cloud_bake.c least_squares.c billboard.c draw_cloud.c draw_cloud_form.c
             draw_billboard.c density.c density_sample.c density_paper.c density_plain.c density_save.c 
             shade.c shade_outline.c shade_stand.c shade_cast.c

@@ -45,12 +45,12 @@ bool sv_tree_form_on_canvas(enum sv_tree_form form);
 
 struct sv_tree_draw_options {
     enum sv_tree_form form;
-    double near_px; /* AUTO: trees at least this tall in the picture are leaf splats */
+    double error_px; /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
     const struct sv_tree_shade *shade; /* NULL: no shadows; else made of this drawing, updated for the frame's
                                           sun */
     const struct sv_canvas *canvas; /* forms on the CPU: what terrain and objects left, of the frame's size */
 };
-#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 160, NULL, NULL})
+#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 1, NULL, NULL})
 
 /* A tree that fades from one form into the other counts in both. */
 struct sv_tree_draw_stats {
@@ -65,13 +65,16 @@ SV_MUST_CHECK enum sv_status sv_tree_draw_create(const struct sv_tree_draw_speci
                                                  struct sv_store *store, struct sv_tree_draw **draw,
                                                  struct sv_error *error);
 void sv_tree_draw_destroy(struct sv_tree_draw *draw);
-/* SV_EINVAL: near_px is not a size, or the canvas does not fit. */
+/* SV_EINVAL: error_px is not above 0, or the canvas does not fit. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                                  const struct sv_tree_draw_options *options,
                                                  struct sv_tree_draw_stats *stats, struct sv_error *error);
 /* The forest in sunlight (shade.h), from the sprites of this drawing, which must outlive it. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw *draw,
                                                        struct sv_tree_shade **shade, struct sv_error *error);
+/* From which height in the picture on, px, trees of a species are leaf splats in AUTO; INFINITY for a species
+ * without trees. */
+double sv_tree_draw_near_px(const struct sv_tree_draw *draw, int species, double error_px);
 /* Bytes that a species takes in a form, textures with mip levels; 0 when it is not built. */
 size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_tree_form form);
 /* Builds into the store what sv_tree_draw_create would build of one species; any process, no GL. */

@@ -315,7 +315,7 @@ static enum sv_status draw_trees(struct sv_renderer *r, const struct sv_resolved
     struct sv_tree_draw_stats trees = {0};
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
     options.form = form_of(view->plan.trees);
-    options.near_px = view->plan.near_px;
+    options.error_px = view->plan.tree_error_px;
     options.shade = frame->shadows ? r->shade : NULL;
     options.canvas = canvas;
     enum sv_status status = sv_tree_draw_forest(r->trees, frame, &options, &trees, error);

@@ -165,15 +165,15 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
     view->sun.azimuth_rad -= 2 * SV_PI * floor(view->sun.azimuth_rad / (2 * SV_PI));
 }
 
-/* How much a quality may cost: the screen-space error of the ground, from which size on trees are drawn leaf by
- * leaf, and how large the texels of a relief may be. */
+/* How much a quality may cost: the screen-space error of the ground, that of trees in their far
+ * form (ladder.h), and how large the texels of a relief may be. */
 static const struct {
-    double terrain_error_px, near_px, relief_texel_px;
+    double terrain_error_px, tree_error_px, relief_texel_px;
 } quality_table[SV_QUALITY_COUNT] = {
-    [SV_QUALITY_FAST] = {2.0, 320, 2},
-    [SV_QUALITY_BALANCED] = {1.0, 160, 1},
-    [SV_QUALITY_HIGH] = {0.5, 96, 0.5},
-    [SV_QUALITY_REFERENCE] = {0.0, 0, 0},
+    [SV_QUALITY_FAST] = {2.0, 2, 2},
+    [SV_QUALITY_BALANCED] = {1.0, 1, 1},
+    [SV_QUALITY_HIGH] = {0.5, 0.5, 0.5},
+    [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0},
 };
 
 static void resolve_plan(const struct sv_view_request *request, struct sv_plan *plan)
@@ -186,7 +186,7 @@ static void resolve_plan(const struct sv_view_request *request, struct sv_plan *
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;
     plan->relief_texel_px =
         request->relief == SV_RELIEF_OFF ? 0 : quality_table[request->quality].relief_texel_px;
-    plan->near_px = quality_table[request->quality].near_px;
+    plan->tree_error_px = quality_table[request->quality].tree_error_px;
     plan->trees = plan->raycast && plan->draw_trees ? SV_TREES_RAYCAST : request->trees;
 }
 

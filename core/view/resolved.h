@@ -20,7 +20,7 @@ struct sv_plan {
     double terrain_error_px; /* 0: full detail */
     double relief_texel_px;  /* objects whose relief texels are at most this large are reliefs; 0: none */
     enum sv_trees trees;     /* the form */
-    double near_px;          /* auto: trees at least this tall in the picture are drawn leaf by leaf */
+    double tree_error_px;    /* auto: trees are sprites where those are off by at most this */
 };
 
 struct sv_resolved_view {
