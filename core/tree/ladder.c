@@ -8,8 +8,10 @@
 #include "core/base/frames.h"
 #include "core/scene/id.h"
 
-enum { TRUTH_SAMPLES = 16, MARGIN_PX = 4 };
+enum { TRUTH_SAMPLES = 16, LARGE_SAMPLES = 4, MARGIN_PX = 4 };
 static const float FIRST_SIZE_PX = 12;
+/* From this size on most leaves are larger than a pixel: fewer samples tell as much. */
+static const float LARGE_PX = 192;
 /* Trees are measured from so many heights away: nearer, perspective would hide parallax errors behind size. */
 static const double DISTANCE_HEIGHTS = 6, HEIGHT_M = 10;
 /* Elevations and azimuths of the views: level, from over the crowns, from a hill; none on a frame of the sprites. */
@@ -29,6 +31,7 @@ struct bench {
     struct sv_tree tree;
     struct sv_camera camera;
     struct sv_light light;
+    int samples; /* of the truth */
     size_t pixels;
     float *depth, *sum;
     uint8_t *truth, *form;
@@ -47,6 +50,7 @@ static enum sv_status bench_init(struct bench *b, const struct sv_tree_mesh *mes
 {
     double reach = fmax(1, 2.2 * (double)mesh->radius), side = ceil((double)size_px * reach) + 2 * MARGIN_PX;
     struct sv_camera *c = &b->camera;
+    b->samples = size_px > LARGE_PX ? LARGE_SAMPLES : TRUTH_SAMPLES;
     b->tree = (struct sv_tree){.height_m = (float)HEIGHT_M, .species = (uint16_t)species};
     c->projection = SV_PROJECTION_PERSPECTIVE;
     c->width = c->height = (int)fmin(side, SV_VIEW_SIDE_MAX);
@@ -108,9 +112,9 @@ static enum sv_status draw_truth(struct bench *b, struct sv_error *error)
     const float whole = 1;
     enum sv_status status = SV_OK;
     memset(b->sum, 0, b->pixels * 3 * sizeof *b->sum);
-    for (int k = 0; k < TRUTH_SAMPLES && !status; k++) {
+    for (int k = 0; k < b->samples && !status; k++) {
         double dx, dy;
-        sv_camera_sample_offset(TRUTH_SAMPLES, k, &dx, &dy);
+        sv_camera_sample_offset(b->samples, k, &dx, &dy);
         status = draw_leaves(b, &whole, dx, dy, error);
         for (size_t i = 0; i < b->pixels; i++)
             for (size_t c = 0; c < 3; c++)
@@ -118,7 +122,7 @@ static enum sv_status draw_truth(struct bench *b, struct sv_error *error)
     }
     for (size_t i = 0; i < b->pixels; i++)
         for (size_t c = 0; c < 3; c++)
-            b->truth[4 * i + c] = sv_srgb8_from_linear(b->sum[3 * i + c] / TRUTH_SAMPLES);
+            b->truth[4 * i + c] = sv_srgb8_from_linear(b->sum[3 * i + c] / (float)b->samples);
     return status;
 }
 
@@ -225,7 +229,7 @@ double sv_ladder_error_px(const struct sv_ladder *ladder, enum sv_ladder_form fo
     if (!(rung > 0))
         return (double)ladder->error_px[0][form];
     if (rung >= last) {
-        double grown = form == SV_LADDER_SPRITE ? size_px / (double)sv_ladder_size_px(last) : 1;
+        double grown = form == SV_LADDER_SPRITE ? sqrt(size_px / (double)sv_ladder_size_px(last)) : 1;
         return (double)ladder->error_px[last][form] * grown;
     }
     int k = (int)rung;

@@ -4,7 +4,7 @@
  * would have to be shifted to be as far (mean absolute difference of 8-bit sRGB) from itself as the form's
  * picture is. So it grows with blur, with misplaced outlines, with wrong colour and with noise alike, and is
  * free of contrast and lighting (own derivation). Polygons: leaf splats at fraction 1, which are exact
- * (leaf_splat.h), mean of 16 samples a pixel; the form has one. Means over SV_LADDER_VIEWS directions, which lie
+ * (leaf_splat.h), mean of 16 samples a pixel, of 4 where trees are large; the form has one. Means over SV_LADDER_VIEWS directions, which lie
  * between the sprites' frames as often as on them.
  *
  * The forms of `auto` differ in cost by more than ten times at every size, so cheapest first is a fixed order:
@@ -18,7 +18,7 @@
 /* Kind of the blob in the store; the digit is raised whenever forms or measure change. */
 #define SV_LADDER_KIND "ladder1"
 
-enum { SV_LADDER_SIZES = 8, SV_LADDER_VIEWS = 4 };
+enum { SV_LADDER_SIZES = 7, SV_LADDER_VIEWS = 4 };
 enum sv_ladder_form { SV_LADDER_SPRITE, SV_LADDER_LEAF, SV_LADDER_FORMS };
 
 struct sv_ladder {
@@ -39,7 +39,7 @@ SV_MUST_CHECK enum sv_status sv_ladder_obtain(struct sv_sprite_draw *sprites, st
                                               struct sv_error *error);
 
 /* The error of a form at a size: between rungs linear over the size's logarithm, held at the first; beyond the
- * last a sprite's grows with the size (its texels do), the leaves' stays. */
+ * last a sprite's grows with the root of the size, as it does before (its texels get larger), the leaves' stays. */
 double sv_ladder_error_px(const struct sv_ladder *ladder, enum sv_ladder_form form, double size_px);
 /* The size from which on sprites are off by more than error_px (> 0) and leaves would be better: those trees are
  * drawn leaf by leaf. */

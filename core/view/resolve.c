@@ -171,8 +171,8 @@ static const struct {
     double terrain_error_px, tree_error_px, relief_texel_px;
 } quality_table[SV_QUALITY_COUNT] = {
     [SV_QUALITY_FAST] = {2.0, 2, 2},
-    [SV_QUALITY_BALANCED] = {1.0, 1, 1},
-    [SV_QUALITY_HIGH] = {0.5, 0.5, 0.5},
+    [SV_QUALITY_BALANCED] = {1.0, 1.25, 1},
+    [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5},
     [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0},
 };
 
