@@ -1,9 +1,9 @@
 /* draw_cloud.c - see draw_cloud.h.
  *
  * Planes of one tree hide each other, so their order matters: each species has, for each of BINS directions
- * to the viewer, the list of its planes from the nearest to the farthest, as indices. The list of trees is
- * cut into groups of 8, 16, 32 ... (as in draw_mesh.c); in a group, trees of one species that are seen from
- * one bin are one instanced call. */
+ * to the viewer, the list of its planes from the nearest to the farthest, as indices, and the other way round
+ * for what is blended. The list of trees is cut into groups of 8, 16, 32 ... (as in draw_mesh.c); in a group,
+ * trees of one species that are seen from one bin are one instanced call. */
 #include "core/tree/draw_cloud.h"
 
 #include <math.h>
@@ -76,7 +76,7 @@ struct sv_cloud_draw {
     struct sv_store *store;
     int species_count;
     struct cloud_species *species;
-    GLuint programs[SV_CLOUD_FORM_COUNT][2]; /* without and with light; made when first needed */
+    GLuint programs[SV_CLOUD_FORM_COUNT][2][2]; /* soft; without and with light; made when first needed */
     GLuint instances, lights;
     float bins[BINS][3];
     /* What is drawn, in order: heap, room entries each. */
@@ -205,9 +205,10 @@ static void put_plane(const struct sv_cloud_plane *plane, int layer, const struc
     }
 }
 
-/* Indices of the planes shown[0 .. count) from the one nearest to a viewer in direction d. */
+/* Indices of the planes shown[0 .. count), from the one nearest to a viewer in direction d; back: from the
+ * farthest. */
 static void put_order(const struct sv_tree_cloud *cloud, const int *shown, int count, const float d[3],
-                      uint16_t *out)
+                      uint16_t *out, uint16_t *back)
 {
     int order[SV_CLOUD_PLANES_MAX];
     float near[SV_CLOUD_PLANES_MAX];
@@ -228,6 +229,8 @@ static void put_order(const struct sv_tree_cloud *cloud, const int *shown, int c
             *out++ = (uint16_t)(first + i + 1);
             *out++ = (uint16_t)(first + i + 2);
         }
+    for (int k = 0; k < count; k++)
+        memcpy(back + k * PLANE_INDICES, out - (k + 1) * PLANE_INDICES, PLANE_INDICES * sizeof *out);
 }
 
 static void set_attributes(const struct sv_cloud_draw *draw)
@@ -277,12 +280,13 @@ static enum sv_status build_planes(const struct sv_cloud_draw *draw, const struc
             put_plane(&cloud->planes[k], k, &f->textures, vertices + f->plane_count * CORNERS);
             shown[f->plane_count++] = k;
         }
-    size_t list = (size_t)f->plane_count * PLANE_INDICES, bytes = BINS * list * sizeof(uint16_t);
+    size_t list = (size_t)f->plane_count * PLANE_INDICES, bytes = 2 * BINS * list * sizeof(uint16_t);
     uint16_t *indices = malloc(bytes + 1);
     if (!indices)
         return sv_fail(error, SV_ENOMEM, "cloud", "no memory for the order of %d planes", f->plane_count);
     for (int bin = 0; bin < BINS; bin++)
-        put_order(cloud, shown, f->plane_count, draw->bins[bin], indices + (size_t)bin * list);
+        put_order(cloud, shown, f->plane_count, draw->bins[bin], indices + (size_t)bin * list,
+                  indices + (size_t)(BINS + bin) * list);
     gl.GenVertexArrays(1, &f->array);
     gl.GenBuffers(1, &f->vertices);
     gl.GenBuffers(1, &f->indices);
@@ -423,8 +427,8 @@ void sv_cloud_draw_destroy(struct sv_cloud_draw *draw)
         }
     }
     for (int form = 0; form < SV_CLOUD_FORM_COUNT; form++)
-        for (int k = 0; k < 2; k++)
-            gl.DeleteProgram(draw->programs[form][k]);
+        for (int k = 0; k < 4; k++)
+            gl.DeleteProgram(draw->programs[form][k >> 1][k & 1]);
     gl.DeleteBuffers(1, &draw->instances);
     gl.DeleteBuffers(1, &draw->lights);
     free(draw->species);
@@ -450,18 +454,20 @@ const struct sv_tree_cloud *sv_cloud_draw_cloud(const struct sv_cloud_draw *draw
 
 /* ---- drawing ---- */
 
-static enum sv_status make_program(struct sv_cloud_draw *draw, enum sv_cloud_form form, bool light,
+static enum sv_status make_program(struct sv_cloud_draw *draw, enum sv_cloud_form form, bool soft, bool light,
                                    struct sv_error *error)
 {
     const struct sv_cloud_form_row *row = &sv_cloud_forms[form];
     char defines[512] = "";
-    if (draw->programs[form][light])
+    if (draw->programs[form][soft][light])
         return SV_OK;
     if (light)
         strcat(defines, "#define SHADE 1\n");
+    if (soft)
+        strcat(defines, "#define SOFT 1\n");
     if (row->defines)
         strncat(defines, row->defines, sizeof defines - strlen(defines) - 1);
-    return sv_gl_program_create("tree_cloud.vert", row->fragment, defines, &draw->programs[form][light],
+    return sv_gl_program_create("tree_cloud.vert", row->fragment, defines, &draw->programs[form][soft][light],
                                 error);
 }
 
@@ -582,8 +588,9 @@ static void bind_species(const struct form_species *f, const struct sv_tree_ligh
     }
 }
 
-/* Runs of one key; *bound: the species that is bound, -1 for none. */
-static void draw_runs(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
+/* Runs of one key, planes nearest first, or farthest first (back); *bound: the species that is bound, -1 for
+ * none. */
+static void draw_runs(const struct sv_cloud_draw *draw, enum sv_cloud_form form, bool back,
                       const struct sv_tree_light_axes *axes, uint32_t first, uint32_t count, int *bound)
 {
     for (uint32_t i = first, run; i < first + count; i += run) {
@@ -597,10 +604,9 @@ static void draw_runs(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
         if (*bound != species)
             bind_species(f, axes ? &axes[species] : NULL);
         *bound = species;
-        size_t list = (size_t)f->plane_count * PLANE_INDICES;
+        size_t list = (size_t)f->plane_count * PLANE_INDICES, bin = key % BINS + (back ? BINS : 0);
         gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)list, GL_UNSIGNED_SHORT,
-                                             (const void *)(key % BINS * list * sizeof(uint16_t)),
-                                             (GLsizei)run, i);
+                                             (const void *)(bin * list * sizeof(uint16_t)), (GLsizei)run, i);
     }
 }
 
@@ -610,6 +616,42 @@ static uint32_t group_size(uint32_t base, uint32_t count)
     return size < count - base ? size : count - base;
 }
 
+/* The same trees once more behind the staged ones, farthest first. */
+static void stage_back(struct sv_cloud_draw *draw, const struct sv_camera *camera,
+                       const struct sv_tree *trees, const struct sv_cull_entry *entries, uint32_t count,
+                       const struct sv_tree_light *lights)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t from = count - 1 - i, at = count + i;
+        put_instance(&draw->staging[at], &trees[entries[from].tree], camera->eye);
+        draw->order[at] = draw->keys[from];
+        if (lights)
+            draw->light_staging[at] = lights[entries[from].tree];
+    }
+}
+
+/* Colour alone, farthest first, tested against depth but leaving it. */
+static void draw_soft(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
+                      const struct sv_tree_light_axes *axes, uint32_t count)
+{
+    GLint color = GL_NONE;
+    int bound = -1;
+    gl.GetIntegerv(GL_DRAW_BUFFER0, &color);
+    if (color == GL_NONE)
+        return;
+    gl.UseProgram(draw->programs[form][1][axes != NULL]);
+    gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
+    gl.Enablei(GL_BLEND, 0);
+    gl.BlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    gl.ColorMaski(1, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    gl.ColorMaski(2, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    gl.DepthMask(GL_FALSE);
+    draw_runs(draw, form, true, axes, count, count, &bound);
+    gl.Disablei(GL_BLEND, 0);
+    gl.DepthMask(GL_TRUE);
+    gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
 enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_form form,
                                    const struct sv_gl_frame *frame, const struct sv_tree *trees,
                                    const struct sv_cull_entry *entries, uint32_t count,
@@ -617,24 +659,31 @@ enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_for
 {
     if (count == 0)
         return SV_OK;
-    bool light = lights.of_tree && lights.of_species;
-    enum sv_status status = make_room(draw, count, error);
+    bool light = lights.of_tree && lights.of_species, soft = sv_cloud_forms[form].soft;
+    enum sv_status status = make_room(draw, soft ? 2 * count : count, error);
     if (!status)
-        status = make_program(draw, form, light, error);
+        status = make_program(draw, form, false, light, error);
+    if (!status && soft)
+        status = make_program(draw, form, true, light, error);
     for (uint32_t i = 0; !status && i < count; i++)
         status = sv_cloud_draw_build(draw, trees[entries[i].tree].species, form, error);
     if (status)
         return status;
+    const struct sv_tree_light *of_tree = light ? lights.of_tree : NULL;
+    const struct sv_tree_light_axes *axes = light ? lights.of_species : NULL;
     for (uint32_t base = 0; base < count; base += group_size(base, count))
-        stage_group(draw, &frame->camera, trees, entries + base, group_size(base, count), base,
-                    light ? lights.of_tree : NULL);
-    upload_instances(draw, count, light);
+        stage_group(draw, &frame->camera, trees, entries + base, group_size(base, count), base, of_tree);
+    if (soft)
+        stage_back(draw, &frame->camera, trees, entries, count, of_tree);
+    upload_instances(draw, soft ? 2 * count : count, light);
     int bound = -1;
     gl.Disable(GL_CULL_FACE);
-    gl.UseProgram(draw->programs[form][light]);
+    gl.UseProgram(draw->programs[form][0][light]);
     gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
     for (uint32_t base = 0; base < count; base += group_size(base, count))
-        draw_runs(draw, form, light ? lights.of_species : NULL, base, group_size(base, count), &bound);
+        draw_runs(draw, form, false, axes, base, group_size(base, count), &bound);
+    if (soft)
+        draw_soft(draw, form, axes, count);
     gl.BindVertexArray(0);
     gl.ActiveTexture(GL_TEXTURE0);
     return sv_gl_check("drawing billboard clouds", error);

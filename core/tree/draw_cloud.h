@@ -18,7 +18,12 @@
 #include "core/tree/draw.h"
 #include "core/tree/draw_cull.h"
 
-enum sv_cloud_form { SV_CLOUD_FORM_BILLBOARD, SV_CLOUD_FORM_COUNT };
+enum sv_cloud_form {
+    SV_CLOUD_FORM_BILLBOARD,
+    SV_CLOUD_FORM_DENSITY,
+    SV_CLOUD_FORM_DENSITY_PAPER,
+    SV_CLOUD_FORM_COUNT
+};
 
 struct sv_cloud_draw;
 

@@ -59,6 +59,8 @@ static const struct form FORMS[] = {
     {"polygon", draw_forest, bytes_forest, SV_TREE_FORM_POLYGON},
     {"impostor", draw_forest, bytes_forest, SV_TREE_FORM_IMPOSTOR},
     {"billboard", draw_cloud, bytes_cloud, SV_CLOUD_FORM_BILLBOARD},
+    {"density_paper", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY_PAPER},
+    {"density", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY},
 };
 enum { COUNT = sizeof FORMS / sizeof *FORMS };
 
