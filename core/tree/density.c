@@ -142,7 +142,21 @@ static void unpack(const struct sv_density *density, const struct sv_density_pla
     normal[0] = sv_density_unit(0.5f + 0.5f * unit * x);
     normal[1] = sv_density_unit(0.5f + 0.5f * unit * y);
     normal[2] = sv_density_unit(0.5f + 0.5f * unit * z);
-    normal[3] = 255;
+}
+
+/* Occlusion beside the normals, at the texels' own places. */
+static void put_occlusion(const struct sv_density *density, int level, uint8_t *normal)
+{
+    int side = SV_DENSITY_TILE >> level, width = SV_DENSITY_WIDTH >> level,
+        height = SV_DENSITY_HEIGHT >> level;
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            const struct sv_density_plane *p = &density->planes[y / side * SV_DENSITY_COLUMNS + x / side];
+            float px = (2 * (float)(x % side) + 1) / (float)side - 1,
+                  py = 1 - (2 * (float)(y % side) + 1) / (float)side;
+            normal[4 * ((size_t)y * (size_t)width + (size_t)x) + 3] =
+                sv_density_unit(sv_density_quadratic_at(&p->occlusion, px, py));
+        }
 }
 
 static void first_level(const struct sv_density *density, const uint8_t *rgba,
@@ -160,14 +174,14 @@ static void first_level(const struct sv_density *density, const uint8_t *rgba,
 static void shrink(struct sv_density_levels *levels, int level, int x, int y)
 {
     int fine = SV_DENSITY_WIDTH >> (level - 1), side = SV_DENSITY_WIDTH >> level;
-    float color[4] = {0}, normal[4] = {0}, plain[4] = {0};
+    float color[4] = {0}, normal[3] = {0}, plain[3] = {0};
     for (int k = 0; k < 4; k++) {
         size_t at = 4 * ((size_t)(2 * y + (k >> 1)) * (size_t)fine + (size_t)(2 * x + (k & 1)));
         const uint8_t *a = levels->albedo[level - 1] + at, *n = levels->normal[level - 1] + at;
         for (int c = 0; c < 3; c++)
             color[c] += sv_linear_from_srgb8[a[c]];
         color[3] += (float)a[3];
-        for (int c = 0; c < 4; c++) {
+        for (int c = 0; c < 3; c++) {
             normal[c] += (float)a[3] * (float)n[c];
             plain[c] += (float)n[c];
         }
@@ -176,7 +190,7 @@ static void shrink(struct sv_density_levels *levels, int level, int x, int y)
     for (int c = 0; c < 3; c++)
         levels->albedo[level][at + (size_t)c] = sv_srgb8_from_linear(0.25f * color[c]);
     levels->albedo[level][at + 3] = (uint8_t)(0.25f * color[3] + 0.5f);
-    for (int c = 0; c < 4; c++)
+    for (int c = 0; c < 3; c++)
         levels->normal[level][at + (size_t)c] =
             (uint8_t)((color[3] > 0 ? normal[c] / color[3] : 0.25f * plain[c]) + 0.5f);
 }
@@ -210,6 +224,8 @@ enum sv_status sv_density_levels_init(const struct sv_density *density, struct s
             for (int x = 0; x < SV_DENSITY_WIDTH >> k; x++)
                 shrink(&made, k, x, y);
     }
+    for (int k = 0; k < SV_DENSITY_LEVELS; k++)
+        put_occlusion(density, k, made.normal[k]);
     free(rgba);
     *levels = made;
     return SV_OK;

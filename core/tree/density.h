@@ -107,7 +107,7 @@ float sv_density_log_period(uint8_t code, float least, float most);
 void sv_density_texels(const struct sv_density *density, uint8_t *rgba);
 
 /* What PLAIN is drawn from, heap, level after level, level k WIDTH >> k by HEIGHT >> k: colour, premultiplied
- * by coverage and in sRGB code, with coverage; mean normal in the plane's axes as 127.5 + 127.5 m, and 255.
+ * by coverage and in sRGB code, with coverage; mean normal in the plane's axes as 127.5 + 127.5 m, and occlusion.
  * Means by coverage; empty texels continue what is near. No level mixes two planes. */
 struct sv_density_levels {
     uint8_t *albedo[SV_DENSITY_LEVELS], *normal[SV_DENSITY_LEVELS];

@@ -652,19 +652,38 @@ static void draw_soft(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
     gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
-enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_form form,
-                                   const struct sv_gl_frame *frame, const struct sv_tree *trees,
-                                   const struct sv_cull_entry *entries, uint32_t count,
-                                   struct sv_tree_lights lights, struct sv_error *error)
+/* All layers, nearest first; without colour where that was blended. */
+static void draw_hard(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
+                      const struct sv_tree_light_axes *axes, uint32_t count)
+{
+    GLboolean color = !sv_cloud_forms[form].soft;
+    int bound = -1;
+    gl.UseProgram(draw->programs[form][0][axes != NULL]);
+    gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
+    gl.ColorMaski(0, color, color, color, color);
+    for (uint32_t base = 0; base < count; base += group_size(base, count))
+        draw_runs(draw, form, false, axes, base, group_size(base, count), &bound);
+    gl.ColorMaski(0, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+static enum sv_status make_programs(struct sv_cloud_draw *draw, enum sv_cloud_form form, bool light,
+                                    struct sv_error *error)
+{
+    enum sv_status status = make_program(draw, form, false, light, error);
+    return status || !sv_cloud_forms[form].soft ? status : make_program(draw, form, true, light, error);
+}
+
+static enum sv_status draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_form form,
+                                 const struct sv_gl_frame *frame, const struct sv_tree *trees,
+                                 const struct sv_cull_entry *entries, uint32_t count,
+                                 struct sv_tree_lights lights, bool color_only, struct sv_error *error)
 {
     if (count == 0)
         return SV_OK;
     bool light = lights.of_tree && lights.of_species, soft = sv_cloud_forms[form].soft;
     enum sv_status status = make_room(draw, soft ? 2 * count : count, error);
     if (!status)
-        status = make_program(draw, form, false, light, error);
-    if (!status && soft)
-        status = make_program(draw, form, true, light, error);
+        status = make_programs(draw, form, light, error);
     for (uint32_t i = 0; !status && i < count; i++)
         status = sv_cloud_draw_build(draw, trees[entries[i].tree].species, form, error);
     if (status)
@@ -676,15 +695,28 @@ enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_for
     if (soft)
         stage_back(draw, &frame->camera, trees, entries, count, of_tree);
     upload_instances(draw, soft ? 2 * count : count, light);
-    int bound = -1;
     gl.Disable(GL_CULL_FACE);
-    gl.UseProgram(draw->programs[form][0][light]);
-    gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
-    for (uint32_t base = 0; base < count; base += group_size(base, count))
-        draw_runs(draw, form, false, axes, base, group_size(base, count), &bound);
     if (soft)
         draw_soft(draw, form, axes, count);
+    if (!soft || !color_only)
+        draw_hard(draw, form, axes, count);
     gl.BindVertexArray(0);
     gl.ActiveTexture(GL_TEXTURE0);
     return sv_gl_check("drawing billboard clouds", error);
+}
+
+enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_form form,
+                                   const struct sv_gl_frame *frame, const struct sv_tree *trees,
+                                   const struct sv_cull_entry *entries, uint32_t count,
+                                   struct sv_tree_lights lights, struct sv_error *error)
+{
+    return draw_trees(draw, form, frame, trees, entries, count, lights, false, error);
+}
+
+enum sv_status sv_cloud_draw_trees_color(struct sv_cloud_draw *draw, enum sv_cloud_form form,
+                                         const struct sv_gl_frame *frame, const struct sv_tree *trees,
+                                         const struct sv_cull_entry *entries, uint32_t count,
+                                         struct sv_tree_lights lights, struct sv_error *error)
+{
+    return draw_trees(draw, form, frame, trees, entries, count, lights, true, error);
 }

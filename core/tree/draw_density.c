@@ -61,7 +61,7 @@ static size_t upload_tiles(struct sv_cloud_textures *t, int unit, GLenum format,
         bytes += 4 * (size_t)side * (size_t)side * (size_t)planes;
     }
     gl.PixelStorei(GL_UNPACK_ROW_LENGTH, 0);
-    filter(GL_TEXTURE_2D_ARRAY, count > 1 ? GL_LINEAR_MIPMAP_LINEAR : GL_LINEAR, GL_CLAMP_TO_EDGE);
+    filter(GL_TEXTURE_2D_ARRAY, count > 1 ? GL_LINEAR_MIPMAP_NEAREST : GL_LINEAR, GL_CLAMP_TO_EDGE);
     return bytes;
 }
 
