@@ -25,7 +25,7 @@ struct sv_cloud_textures {
 struct sv_cloud_form_row {
     const char *name, *kind;        /* kind: of the blob in the store */
     const char *fragment, *defines; /* file in core/gl/shaders; lines put before it, or NULL */
-    bool soft; /* blended besides: with SOFT defined the shader gives premultiplied colour and coverage */
+    bool tested; /* drawn by an alpha test, in one pass, as papers do; else blended, and tested for depth */
     /* Any process, no GL. *data: heap. */
     enum sv_status (*build)(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud, void **data,
                             size_t *bytes, struct sv_error *error);

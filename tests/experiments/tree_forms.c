@@ -44,9 +44,9 @@ static void draw_cloud(struct tree_forms *forms, const struct sv_gl_frame *frame
     tree_kit_must(sv_cloud_draw_build(forms->clouds, 0, (enum sv_cloud_form)which, &error), &error);
     double took = tree_kit_now_ms() - start;
     forms->build_ms[which] = took > forms->build_ms[which] ? took : forms->build_ms[which];
-    tree_kit_must(sv_cloud_draw_trees_color(forms->clouds, (enum sv_cloud_form)which, frame,
-                                            forms->kit->forest.trees, &entry, 1,
-                                            (struct sv_tree_lights){NULL, NULL}, &error),
+    tree_kit_must(sv_cloud_draw_trees(forms->clouds, (enum sv_cloud_form)which, frame,
+                                      forms->kit->forest.trees, &entry, 1, true,
+                                      (struct sv_tree_lights){NULL, NULL}, &error),
                   &error);
 }
 

@@ -7,9 +7,6 @@ layout(binding = 1) uniform sampler2DArray normals; // plane's axes; occlusion
 layout(binding = 2) uniform sampler2DArray light;   // openness
 
 const float TILE = 128.0; // SV_DENSITY_TILE
-// Levels are taken this much finer than their texels would ask for: planes average what they show once more by lying over one
-// another. Found by the gradient energy of five grown and six imported species at five distances (forest_fig4).
-const float LOD_BIAS = -0.6;
 
 // Coverage where a texel takes up more than a pixel: edges as sharp as pixels allow, no more and no less area.
 float sharpened(float coverage, float lod)
@@ -22,23 +19,14 @@ float sharpened(float coverage, float lod)
 void main()
 {
     vec2 dx = dFdx(st.xy) * TILE, dy = dFdy(st.xy) * TILE;
-    float lod = 0.5 * log2(max(abs(dx.x * dy.y - dx.y * dy.x), 1e-12)) + LOD_BIAS;
+    float lod = 0.5 * log2(max(abs(dx.x * dy.y - dx.y * dy.x), 1e-12)) + SHARPER;
     vec4 rgba = textureLod(albedo, st, lod);
     float alpha = sharpened(rgba.a, lod);
-#ifdef SOFT
-    if (alpha < 1.0 / 255.0)
-        discard;
-#else
-    if (alpha < 0.5)
-        discard;
-#endif
+    cloud_test(alpha, 0.5);
     vec3 rgb = rgba.rgb / max(rgba.a, 1e-4);
     vec4 g = textureLod(normals, st, lod), o = textureLod(light, st, 0.0);
     vec3 n = g.xyz * 2.0 - 1.0;
     float translucency = clamp(dot(rgb, params[0].xyz) + params[0].w, 0.0, 1.0);
     cloud_light(rgb, n.x * axis_u + n.y * axis_v + n.z * cross(axis_u, axis_v), g.a,
-                dot(o.xyz * 2.0 - 1.0, model_sun) + o.a, translucency);
-#ifdef SOFT
-    out_color = vec4(out_color.rgb * alpha, alpha);
-#endif
+                dot(o.xyz * 2.0 - 1.0, model_sun) + o.a, translucency, alpha);
 }

@@ -33,5 +33,5 @@ void main()
     vec4 o = textureLod(light, st, 0.0);
     float occlusion = textureLod(light, vec3(st.xy, st.z + params[1].x), 0.0).r;
     float translucency = wood ? 0.0 : clamp(dot(rgba.rgb, params[0].xyz) + params[0].w, 0.0, 1.0);
-    cloud_light(rgba.rgb, normalize(m), occlusion, dot(o.xyz * 2.0 - 1.0, model_sun) + o.a, translucency);
+    cloud_light(rgba.rgb, normalize(m), occlusion, dot(o.xyz * 2.0 - 1.0, model_sun) + o.a, translucency, 1.0);
 }
