@@ -127,7 +127,7 @@ static enum sv_status leaf_level(const struct sv_density_leaf *leaf, const struc
         target += (double)rgba[3] / (double)texels;
     }
     if (target > 0 && target < 1 && side >= 4)
-        scale = sv_coverage_scale(cover, side, target);
+        scale = 0.5f / sv_coverage_bar(cover, side, target);
     for (size_t k = 0; k < texels; k++)
         out[4 * k + 3] = sv_density_unit(cover[k] * scale);
     free(cover);
@@ -171,7 +171,7 @@ float sv_density_sharp_scale(const struct sv_density *density, const uint8_t *te
         }
         if (!(covered > 0))
             continue;
-        sum += covered * (double)sv_coverage_scale(cover, SV_DENSITY_TILE, covered / SV_DENSITY_TEXELS);
+        sum += covered * 0.5 / (double)sv_coverage_bar(cover, SV_DENSITY_TILE, covered / SV_DENSITY_TEXELS);
         weight += covered;
     }
     free(cover);
