@@ -81,13 +81,15 @@ static enum sv_status build_planes(struct sv_density_work *work, struct sv_error
         if (!periods.x || !periods.y)
             status = sv_fail(error, SV_ENOMEM, "density", "no memory for periods");
     }
+    sv_density_choose_leaf(work);
+    if (out->kind == SV_DENSITY_PAPER)
+        sv_density_paper_range(work);
     for (int k = 0; !status && k < out->plane_count; k++) {
         status = sv_density_sample_plane(work, k, error);
         if (!status && out->kind == SV_DENSITY_PAPER)
             sv_density_paper_analyse(work, &periods, k);
     }
     if (!status) {
-        sv_density_choose_leaf(work);
         sv_density_plain_texels(work); /* colours of tones, translucency: of both kinds */
         if (out->kind == SV_DENSITY_PAPER)
             sv_density_paper_texels(work, &periods);
@@ -132,12 +134,12 @@ static void unpack(const struct sv_density *density, const struct sv_density_pla
                    const uint8_t from[4], uint8_t albedo[4], uint8_t normal[4])
 {
     float x = (float)from[0] * (2.0f / 255.0f) - 1, y = (float)from[1] * (2.0f / 255.0f) - 1;
-    float tone = (float)from[2] * (1.0f / 255.0f), cover = (float)from[3] * (1.0f / 255.0f);
+    float rgb[3], tone = (float)from[2] * (1.0f / 255.0f), cover = (float)from[3] * (1.0f / 255.0f);
     float z = sqrtf(fmaxf(0, 1 - x * x - y * y)), long2 = x * x + y * y + z * z;
     float unit = plane->length / sqrtf(long2 > 1 ? long2 : 1);
+    sv_density_color(density, tone, rgb);
     for (int c = 0; c < 3; c++)
-        albedo[c] =
-            sv_srgb8_from_linear(cover * (density->dark[c] + (density->bright[c] - density->dark[c]) * tone));
+        albedo[c] = sv_srgb8_from_linear(cover * rgb[c]);
     albedo[3] = from[3];
     normal[0] = sv_density_unit(0.5f + 0.5f * unit * x);
     normal[1] = sv_density_unit(0.5f + 0.5f * unit * y);

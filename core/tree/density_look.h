@@ -37,4 +37,20 @@ SV_MUST_CHECK enum sv_status sv_density_leaf_picture(const struct sv_density *de
  * much of the planes as there is covered. */
 float sv_density_sharp_scale(const struct sv_density *density, const uint8_t *texels);
 
+/* What a fragment finds before it is lit; all 0 where it is discarded. */
+struct sv_density_look {
+    float coverage, rgb[3], normal[3], occlusion, open[4],
+        translucency; /* normal: plane's axes, mean, not unit */
+};
+
+/* Twin of tree_density.frag at (s, t) of a plane's rectangle, lod the level that the shader works out (log2
+ * of texels a pixel, LOD_BIAS added); sharp: sv_density_sharp_scale. */
+void sv_density_plain_look(const struct sv_density *density, const struct sv_density_levels *levels,
+                           float sharp, int plane, float s, float t, float lod, struct sv_density_look *look);
+/* Twin of tree_density_paper.frag; texels: sv_density_texels; per_px: pixels of the UV texture a pixel of the
+ * picture, along s and t. */
+void sv_density_paper_look(const struct sv_density *density, const uint8_t *texels,
+                           uint8_t *const leaf[SV_DENSITY_LEAF_LEVELS], int plane, float s, float t,
+                           const float per_px[2], struct sv_density_look *look);
+
 #endif

@@ -104,6 +104,8 @@ static enum sv_status upload_leaf(struct sv_cloud_textures *t, int unit, const s
         t->bytes += 4 * (size_t)side * (size_t)side;
     }
     filter(GL_TEXTURE_2D, GL_LINEAR_MIPMAP_NEAREST, GL_REPEAT);
+    /* One texel has no shape that a test could keep: what is smaller than 4 x 4 is drawn from that. */
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, SV_DENSITY_LEAF_LEVELS - 3);
     free(levels[0]);
     return SV_OK;
 }
@@ -134,9 +136,11 @@ static enum sv_status upload_plain(const struct sv_density *density, const uint8
 static enum sv_status upload_paper(const struct sv_density *density, const struct sv_tree_mesh *mesh,
                                    uint8_t *texels, struct sv_cloud_textures *t, struct sv_error *error)
 {
-    t->bytes += upload_tiles(t, 0, GL_RGBA8, &texels, 1, density->plane_count);
+    /* 16 bits, so that periods are filtered as finely as a GPU does: OSMesa filters 8 bits in 8 bits, and what a
+     * period is off by grows with the distance from the origin */
+    t->bytes += 2 * upload_tiles(t, 0, GL_RGBA16, &texels, 1, density->plane_count);
     t->bytes += upload_light(t, 2, density);
-    memcpy(t->params[2], density->dark, sizeof density->dark);
+    memcpy(t->params[2], density->wood, sizeof density->wood);
     t->params[1][2] = density->period_min;
     t->params[1][3] = density->period_max;
     return upload_leaf(t, 1, density, mesh, error);

@@ -85,7 +85,8 @@ static void print_verdict(const struct tree_options *setup, struct score scores[
 {
     int density = tree_forms_find("density"), paper = tree_forms_find("density_paper"),
         billboard = tree_forms_find("billboard");
-    if (density < 0 || paper < 0 || billboard < 0)
+    if (density < 0 || paper < 0 || billboard < 0 || !setup->forms[density] || !setup->forms[paper] ||
+        !setup->forms[billboard])
         return;
     for (int d = 0; d < setup->distances; d++)
         printf("  %4.0f px: density beats density_paper: %s; within 10 %% of billboard: %s; gradient %.2f\n",

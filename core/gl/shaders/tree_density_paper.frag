@@ -1,5 +1,5 @@
 // tree_density_paper.frag - the density texture as paper 2 draws it, section 3.5, steps (1) to (4).
-// TWIN: sv_density_paper_look (core/tree/density_look.c).
+// TWIN: sv_density_paper_look (core/tree/density_twin.c).
 #include "tree_cloud.glsl"
 
 layout(binding = 0) uniform sampler2DArray density; // R, G: periods; B, A: normal x, y (core/tree/density.h, PAPER)
