@@ -24,6 +24,7 @@ struct pyramid {
     float *level[SV_BILLBOARD_LEVELS_MAX]; /* CHANNELS a texel; one heap block at level[0] */
     double leaf[SV_UNKNOWNS_MAX][SV_UNKNOWNS_MAX + 1];
     uint8_t *rgba; /* of one level */
+    float target;  /* sum of the planes' coverage */
 };
 
 /* ---- sizes ---- */
@@ -90,9 +91,9 @@ static double share_above(const float *coverage, int side, float bar)
     return (double)passed / (4.0 * side * side);
 }
 
-float sv_coverage_scale(const float *coverage, int side, double target)
+float sv_coverage_bar(const float *coverage, int side, double target)
 {
-    float low = 0.02f, high = 1, best = 0.5f;
+    float low = 0, high = 1, best = 0.5f;
     double least = INFINITY;
     /* The share falls as the bar rises; 10 halvings settle the bar to a quarter of an 8-bit step. */
     for (int step = 0; step < 10; step++) {
@@ -107,7 +108,7 @@ float sv_coverage_scale(const float *coverage, int side, double target)
         else
             high = bar;
     }
-    return 0.5f / best;
+    return best;
 }
 
 /* ---- one plane ---- */
@@ -200,20 +201,20 @@ static uint8_t code(float v)
     return (uint8_t)(fminf(fmaxf(v, 0), 1) * 255.0f + 0.5f);
 }
 
-static void put_color(const struct pyramid *p, int level, double target, float *scratch, uint8_t *blocks)
+/* Gives the bar of an alpha test. */
+static float put_color(const struct pyramid *p, int level, double target, float *scratch, uint8_t *blocks)
 {
     int side = p->side >> level;
     size_t texels = (size_t)side * (size_t)side;
-    for (size_t k = 0; k < texels; k++)
-        scratch[k] = p->level[level][CHANNELS * k + COVERAGE];
-    float scale = target > 0 ? sv_coverage_scale(scratch, side, target) : 1;
     for (size_t k = 0; k < texels; k++) {
         const float *t = p->level[level] + CHANNELS * k;
         for (int c = 0; c < 3; c++)
             p->rgba[4 * k + (size_t)c] = sv_srgb8_from_linear(t[RED + c]);
-        p->rgba[4 * k + 3] = code(scale * t[COVERAGE]);
+        p->rgba[4 * k + 3] = code(t[COVERAGE]);
+        scratch[k] = t[COVERAGE];
     }
     sv_dxt5_encode(p->rgba, side, side, blocks);
+    return sv_coverage_bar(scratch, side, target);
 }
 
 static void put_normal(const struct pyramid *p, int level, uint8_t *out)
@@ -272,7 +273,9 @@ static enum sv_status bake_plane(struct sv_cloud_bake *bake, int plane, int samp
     for (int k = p->levels - 1; k >= 0; k--)
         straighten(p, k);
     for (int k = 0; k < b->levels[SV_BILLBOARD_COLOR]; k++)
-        put_color(p, k, target, scratch, picture_of(b, SV_BILLBOARD_COLOR, k, plane));
+        b->bar[k] +=
+            (float)target * put_color(p, k, target, scratch, picture_of(b, SV_BILLBOARD_COLOR, k, plane));
+    p->target += (float)target;
     int first = log2_of(p->side / b->side[SV_BILLBOARD_NORMAL]);
     for (int k = 0; k < b->levels[SV_BILLBOARD_NORMAL]; k++)
         put_normal(p, first + k, picture_of(b, SV_BILLBOARD_NORMAL, k, plane));
@@ -317,6 +320,8 @@ enum sv_status sv_billboards_bake(const struct sv_tree_mesh *mesh, const struct 
                                     &bake, error);
     for (int k = 0; !status && k < cloud->plane_count; k++)
         status = bake_plane(&bake, k, o->samples, &p, scratch, &made, error);
+    for (int k = 0; !status && k < SV_BILLBOARD_LEVELS_MAX; k++)
+        made.bar[k] = p.target > 0 && made.bar[k] > 0 ? made.bar[k] / p.target : 0.5f;
     if (!status)
         sv_translucency_rule(p.leaf, made.translucency);
     sv_cloud_bake_finish(&bake);
@@ -344,7 +349,7 @@ enum { BYTE_ORDER_MARK = 0x01020304 };
 struct file_header {
     char magic[8];
     uint32_t byte_order, plane_count, side[SV_BILLBOARD_PARTS];
-    float translucency[4];
+    float translucency[4], bar[SV_BILLBOARD_LEVELS_MAX];
 };
 
 enum sv_status sv_billboards_save(const struct sv_billboards *b, void **data, size_t *bytes,
@@ -359,6 +364,7 @@ enum sv_status sv_billboards_save(const struct sv_billboards *b, void **data, si
     for (int part = 0; part < SV_BILLBOARD_PARTS; part++)
         h.side[part] = (uint32_t)b->side[part];
     memcpy(h.translucency, b->translucency, sizeof h.translucency);
+    memcpy(h.bar, b->bar, sizeof h.bar);
     memcpy(block, &h, sizeof h);
     memcpy(block + sizeof h, b->outline, outlines);
     memcpy(block + sizeof h + outlines, b->data, b->bytes);
@@ -392,9 +398,12 @@ enum sv_status sv_billboards_load(const void *data, size_t bytes, struct sv_bill
         return sv_fail(error, SV_EFORMAT, "billboards", "%zu bytes where the sizes ask for %zu", bytes,
                        sizeof h + outlines + b.bytes);
     memcpy(b.translucency, h.translucency, sizeof b.translucency);
+    memcpy(b.bar, h.bar, sizeof b.bar);
     memcpy(b.outline, (const unsigned char *)data + sizeof h, outlines);
     for (int k = 0; k < 4; k++)
         sound = sound && fabsf(b.translucency[k]) <= 1e6f;
+    for (int k = 0; k < SV_BILLBOARD_LEVELS_MAX; k++)
+        sound = sound && b.bar[k] >= 0 && b.bar[k] <= 1;
     for (int k = 0; k < b.plane_count * SV_BILLBOARD_OUTLINE; k++)
         sound = sound && b.outline[0][k] <= 2; /* -INFINITY: nothing is shown */
     if (!sound)

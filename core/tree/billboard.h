@@ -1,11 +1,11 @@
 /* billboard.h - the classical textures of a billboard cloud's planes: paper 2's figure 4 (2).
  *
  * Each plane has a colour texture of 1024 x 1024 in DXT5 (colour in sRGB code, straight, and coverage), the
- * mean normals and sky occlusion of what it shows, and its openness to the sun (mesh.h). Colour has all mip
- * levels; their alpha is scaled so that the share of the plane that passes the test "alpha >= 1/2" is that of
- * the samples it was made from (Castano's bisection, a scale a level and plane): thinning crowns would look
- * bleached in the distance, and filled ones dark. Colour and normals continue into what is empty, so that
- * filtering takes in no rubbish.
+ * mean normals and sky occlusion of what it shows, and its openness to the sun (mesh.h). Colour and normals
+ * have all mip levels, averages by coverage: they are drawn blended, so that a level covers what the leaves
+ * did. An alpha test (ids, depth) needs a bar instead that differs from level to level, or thin crowns would
+ * vanish in the distance and dense ones fill up: found by bisection (Castano). Colour and normals continue
+ * into what is empty, so that filtering takes in no rubbish.
  *
  * Normals are in the model's axes, turned to the front of the plane; their length falls where they scatter.
  * No GL; any process, any thread; sv_color_init has been called. Deterministic. */
@@ -15,7 +15,7 @@
 #include "core/tree/cloud.h"
 
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_BILLBOARD_KIND "billb1"
+#define SV_BILLBOARD_KIND "billb3"
 
 enum { SV_BILLBOARD_LEVELS_MAX = 13, SV_BILLBOARD_OUTLINE = 8 };
 
@@ -33,6 +33,8 @@ enum sv_billboard_part { SV_BILLBOARD_COLOR, SV_BILLBOARD_NORMAL, SV_BILLBOARD_L
 struct sv_billboards {
     int plane_count, side[SV_BILLBOARD_PARTS], levels[SV_BILLBOARD_PARTS];
     float translucency[4]; /* of what shows colour c (linear): c . [0..2] + [3], to be held in 0..1 */
+    float bar[SV_BILLBOARD_LEVELS_MAX]; /* coverage of a level of COLOR that an alpha test takes: mean over
+                                           the planes, by what they show */
     /* What a plane shows, between eight lines: it lies where a s + b t <= outline[k], (a, b) = (cos, sin) of
      * k 45 degrees, (s, t) its picture's coordinates, 0..1, t down. */
     float outline[SV_CLOUD_PLANES_MAX][SV_BILLBOARD_OUTLINE];
@@ -57,9 +59,8 @@ SV_MUST_CHECK enum sv_status sv_billboards_save(const struct sv_billboards *bill
 SV_MUST_CHECK enum sv_status sv_billboards_load(const void *data, size_t bytes,
                                                 struct sv_billboards *billboards, struct sv_error *error);
 
-/* By what coverage (0..1, side x side, row by row) must be multiplied, so that the share of a bilinear
- * picture of it, held to 1, that is >= 1/2 comes closest to target. Shared by all forms with an alpha test.
- */
-float sv_coverage_scale(const float *coverage, int side, double target);
+/* The bar for which the share of a bilinear picture of coverage (side x side, row by row) that is >= bar
+ * comes closest to target: bisection. Shared by all forms with an alpha test. */
+float sv_coverage_bar(const float *coverage, int side, double target);
 
 #endif

@@ -81,13 +81,15 @@ static enum sv_status build_planes(struct sv_density_work *work, struct sv_error
         if (!periods.x || !periods.y)
             status = sv_fail(error, SV_ENOMEM, "density", "no memory for periods");
     }
+    sv_density_choose_leaf(work);
+    if (out->kind == SV_DENSITY_PAPER)
+        sv_density_paper_range(work);
     for (int k = 0; !status && k < out->plane_count; k++) {
         status = sv_density_sample_plane(work, k, error);
         if (!status && out->kind == SV_DENSITY_PAPER)
             sv_density_paper_analyse(work, &periods, k);
     }
     if (!status) {
-        sv_density_choose_leaf(work);
         sv_density_plain_texels(work); /* colours of tones, translucency: of both kinds */
         if (out->kind == SV_DENSITY_PAPER)
             sv_density_paper_texels(work, &periods);
@@ -132,17 +134,31 @@ static void unpack(const struct sv_density *density, const struct sv_density_pla
                    const uint8_t from[4], uint8_t albedo[4], uint8_t normal[4])
 {
     float x = (float)from[0] * (2.0f / 255.0f) - 1, y = (float)from[1] * (2.0f / 255.0f) - 1;
-    float tone = (float)from[2] * (1.0f / 255.0f), cover = (float)from[3] * (1.0f / 255.0f);
+    float rgb[3], tone = (float)from[2] * (1.0f / 255.0f), cover = (float)from[3] * (1.0f / 255.0f);
     float z = sqrtf(fmaxf(0, 1 - x * x - y * y)), long2 = x * x + y * y + z * z;
     float unit = plane->length / sqrtf(long2 > 1 ? long2 : 1);
+    sv_density_color(density, tone, rgb);
     for (int c = 0; c < 3; c++)
-        albedo[c] =
-            sv_srgb8_from_linear(cover * (density->dark[c] + (density->bright[c] - density->dark[c]) * tone));
+        albedo[c] = sv_srgb8_from_linear(cover * rgb[c]);
     albedo[3] = from[3];
     normal[0] = sv_density_unit(0.5f + 0.5f * unit * x);
     normal[1] = sv_density_unit(0.5f + 0.5f * unit * y);
     normal[2] = sv_density_unit(0.5f + 0.5f * unit * z);
-    normal[3] = 255;
+}
+
+/* Occlusion beside the normals, at the texels' own places. */
+static void put_occlusion(const struct sv_density *density, int level, uint8_t *normal)
+{
+    int side = SV_DENSITY_TILE >> level, width = SV_DENSITY_WIDTH >> level,
+        height = SV_DENSITY_HEIGHT >> level;
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            const struct sv_density_plane *p = &density->planes[y / side * SV_DENSITY_COLUMNS + x / side];
+            float px = (2 * (float)(x % side) + 1) / (float)side - 1,
+                  py = 1 - (2 * (float)(y % side) + 1) / (float)side;
+            normal[4 * ((size_t)y * (size_t)width + (size_t)x) + 3] =
+                sv_density_unit(sv_density_quadratic_at(&p->occlusion, px, py));
+        }
 }
 
 static void first_level(const struct sv_density *density, const uint8_t *rgba,
@@ -160,14 +176,14 @@ static void first_level(const struct sv_density *density, const uint8_t *rgba,
 static void shrink(struct sv_density_levels *levels, int level, int x, int y)
 {
     int fine = SV_DENSITY_WIDTH >> (level - 1), side = SV_DENSITY_WIDTH >> level;
-    float color[4] = {0}, normal[4] = {0}, plain[4] = {0};
+    float color[4] = {0}, normal[3] = {0}, plain[3] = {0};
     for (int k = 0; k < 4; k++) {
         size_t at = 4 * ((size_t)(2 * y + (k >> 1)) * (size_t)fine + (size_t)(2 * x + (k & 1)));
         const uint8_t *a = levels->albedo[level - 1] + at, *n = levels->normal[level - 1] + at;
         for (int c = 0; c < 3; c++)
             color[c] += sv_linear_from_srgb8[a[c]];
         color[3] += (float)a[3];
-        for (int c = 0; c < 4; c++) {
+        for (int c = 0; c < 3; c++) {
             normal[c] += (float)a[3] * (float)n[c];
             plain[c] += (float)n[c];
         }
@@ -176,7 +192,7 @@ static void shrink(struct sv_density_levels *levels, int level, int x, int y)
     for (int c = 0; c < 3; c++)
         levels->albedo[level][at + (size_t)c] = sv_srgb8_from_linear(0.25f * color[c]);
     levels->albedo[level][at + 3] = (uint8_t)(0.25f * color[3] + 0.5f);
-    for (int c = 0; c < 4; c++)
+    for (int c = 0; c < 3; c++)
         levels->normal[level][at + (size_t)c] =
             (uint8_t)((color[3] > 0 ? normal[c] / color[3] : 0.25f * plain[c]) + 0.5f);
 }
@@ -210,6 +226,8 @@ enum sv_status sv_density_levels_init(const struct sv_density *density, struct s
             for (int x = 0; x < SV_DENSITY_WIDTH >> k; x++)
                 shrink(&made, k, x, y);
     }
+    for (int k = 0; k < SV_DENSITY_LEVELS; k++)
+        put_occlusion(density, k, made.normal[k]);
     free(rgba);
     *levels = made;
     return SV_OK;

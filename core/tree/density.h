@@ -11,10 +11,10 @@
  *
  * PLAIN (own derivation): what the leaves of a species have in common, their size and their texture, needs no
  * bytes in each texel; what they have not, does. A, the one channel that DXT5 keeps well = the share of the
- * texel that is covered; R, G = x, y of the mean normal; B = tone, the place between two colours of the
- * species (its bark and its leaves, mostly). Texels that show nothing carry their block's mean, so that they
- * spoil no other; mip levels are made when it is loaded (sv_density_levels). Detail beyond a texel comes from
- * the leaf's own texture when drawn (leaf_litter.h).
+ * texel that is covered; R, G = x, y of the mean normal; B = tone, the place on a line through
+ * three colours of the species: its bark, its dark and its bright leaves. Texels that show nothing carry
+ * their block's mean, so that they spoil no other; mip levels are made when it is loaded (sv_density_levels).
+ * Detail beyond a texel comes from the leaf's own texture when drawn (leaf_litter.h).
  *
  * Light: sky occlusion and openness to the sun (mesh.h) vary slowly over a crown; each plane has them as
  * quadratic functions of its place, in both kinds. Frames: x right, y up on the plane, -1 .. 1 over its
@@ -37,10 +37,13 @@ enum {
     SV_DENSITY_LEVELS = 8, /* mip levels: the last one has one texel a plane */
 };
 
+/* Tone of the darkest leaf; below it lies what shows wood as well. */
+#define SV_DENSITY_TONE_DARK 0.4f
+
 /* Kinds of the blobs in the store; digits are raised whenever what is built changes. */
 #define SV_DENSITY_KIND_LIST(X)          \
-    X(SV_DENSITY_PAPER, "densitypaper1") \
-    X(SV_DENSITY_PLAIN, "density1")
+    X(SV_DENSITY_PAPER, "densitypaper3") \
+    X(SV_DENSITY_PLAIN, "density2")
 enum sv_density_kind {
 #define X(name, store) name,
     SV_DENSITY_KIND_LIST(X)
@@ -73,9 +76,9 @@ struct sv_density_leaf {
 struct sv_density {
     enum sv_density_kind kind;
     int plane_count;
-    float period_min, period_max; /* px: what codes 1 and 254 stand for (PAPER) */
-    float dark[3], bright[3];     /* linear colours of tones 0 and 255 (PLAIN); of wood (PAPER: dark) */
-    float translucency[4];        /* of colour c (linear): c . [0..2] + [3], to be held in 0..1 */
+    float period_min, period_max;      /* px: what codes 1 and 254 stand for (PAPER) */
+    float wood[3], dark[3], bright[3]; /* linear colours of tones 0, SV_DENSITY_TONE_DARK and 1 */
+    float translucency[4];             /* of colour c (linear): c . [0..2] + [3], to be held in 0..1 */
     struct sv_density_leaf leaf;
     struct sv_density_plane planes[SV_DENSITY_PLANES_MAX];
     uint8_t *file; /* heap, SV_DENSITY_FILE_BYTES: the DDS file */
@@ -103,12 +106,14 @@ float sv_density_period(uint8_t code, float least, float most);
 uint8_t sv_density_log_code(float period, float least, float most);
 float sv_density_log_period(uint8_t code, float least, float most);
 
+/* Linear colour of a tone, 0..1 (PLAIN). */
+void sv_density_color(const struct sv_density *density, float tone, float rgb[3]);
 /* The texels of the file, WIDTH x HEIGHT x 4, row 0 at the top, into rgba. */
 void sv_density_texels(const struct sv_density *density, uint8_t *rgba);
 
 /* What PLAIN is drawn from, heap, level after level, level k WIDTH >> k by HEIGHT >> k: colour, premultiplied
- * by coverage and in sRGB code, with coverage; mean normal in the plane's axes as 127.5 + 127.5 m, and 255.
- * Means by coverage; empty texels continue what is near. No level mixes two planes. */
+ * by coverage and in sRGB code, with coverage; mean normal in the plane's axes as 127.5 + 127.5 m, and
+ * occlusion. Means by coverage; empty texels continue what is near. No level mixes two planes. */
 struct sv_density_levels {
     uint8_t *albedo[SV_DENSITY_LEVELS], *normal[SV_DENSITY_LEVELS];
 };

@@ -14,16 +14,30 @@
 enum { ROWS = 4, NONE = 0, FIRST = 1, LAST = 254, WOOD = 255 };
 
 static const float PERIOD_MIN = 3, PERIOD_MAX = 255;
-/* What must be seen of leaves in a window. Found by the coverage of the five demo species: less puts leaves
- * where the crown has gaps, more takes its edge away. */
+/* "The range that a leaf can have": a leaf askew to the row has a longer period than its size, without bound.
+ * What lies within this many sizes is 80 % of all directions (1 / |cos|). */
+static const float ASKEW = 3;
+/* Share of a window that must show leaves: own choice, the paper says "not enough density". */
 static const float COVERAGE = 0.4f;
-/* Share of the species' periods that the codes reach. */
-static const double REACH = 0.98;
+
+void sv_density_paper_range(struct sv_density_work *work)
+{
+    const struct sv_density_leaf *leaf = &work->out->leaf;
+    float most = 0;
+    for (int k = 0; k < work->cloud->plane_count; k++) {
+        const float *half = work->cloud->planes[k].half;
+        float per = 0.5f * SV_DENSITY_UV_SIDE / fminf(half[0], half[1]);
+        most = fmaxf(most, leaf->material < 0 ? 0 : per * fmaxf(leaf->size[0], leaf->size[1]));
+    }
+    work->out->period_min = PERIOD_MIN;
+    work->out->period_max = fminf(fmaxf(ASKEW * most, SV_SAWTOOTH_WINDOW), PERIOD_MAX);
+}
 
 void sv_density_paper_analyse(const struct sv_density_work *work, struct sv_density_periods *periods,
                               int plane)
 {
-    const struct sv_sawtooth_options options = {PERIOD_MIN, PERIOD_MAX, COVERAGE, 1e-4f};
+    const struct sv_sawtooth_options options = {work->out->period_min, work->out->period_max, COVERAGE,
+                                                1e-4f};
     const ptrdiff_t stride = SV_DENSITY_UV_STRIDE, gap = SV_SAWTOOTH_WINDOW / ROWS;
     for (int t = 0; t < SV_DENSITY_TEXELS; t++) {
         int i = t % SV_DENSITY_TILE, j = t / SV_DENSITY_TILE;
@@ -47,48 +61,9 @@ void sv_density_paper_analyse(const struct sv_density_work *work, struct sv_dens
     }
 }
 
-/* Least period that REACH of all are at or under, by a histogram of eighths of a pixel. */
-static float reach(const struct sv_density_periods *periods, size_t texels)
-{
-    enum { PER_PX = 8, BINS = 256 * PER_PX };
-    static const float least = 16;
-    uint64_t count[BINS + 1] = {0}, total = 0, sum = 0;
-    for (size_t k = 0; k < texels; k++)
-        if (periods->x[k] > 0) {
-            count[(int)(periods->x[k] * PER_PX)]++;
-            count[(int)(periods->y[k] * PER_PX)]++;
-            total += 2;
-        }
-    for (int b = 0; b < BINS; b++) {
-        sum += count[b];
-        if ((double)sum >= REACH * (double)total)
-            return fminf(fmaxf((float)(b + 1) / PER_PX, least), PERIOD_MAX);
-    }
-    return PERIOD_MAX;
-}
-
-static void wood_color(struct sv_density_work *work, size_t texels)
-{
-    double sum[3] = {0}, weight = 0;
-    for (size_t k = 0; k < texels; k++) {
-        const struct sv_density_cell *c = &work->cells[k];
-        if (!(c->coverage > 0 && c->leaf < 0.1f * c->coverage))
-            continue;
-        for (int a = 0; a < 3; a++)
-            sum[a] += (double)(c->coverage * c->rgb[a]);
-        weight += (double)c->coverage;
-    }
-    for (int a = 0; a < 3; a++)
-        work->out->dark[a] = work->out->bright[a] = weight > 0 ? (float)(sum[a] / weight) : 0.1f;
-}
-
 void sv_density_paper_texels(struct sv_density_work *work, const struct sv_density_periods *periods)
 {
     struct sv_density *out = work->out;
-    size_t texels = (size_t)out->plane_count * SV_DENSITY_TEXELS;
-    out->period_min = PERIOD_MIN;
-    out->period_max = reach(periods, texels);
-    wood_color(work, texels);
     for (int plane = 0; plane < out->plane_count; plane++)
         for (int t = 0; t < SV_DENSITY_TEXELS; t++) {
             size_t from = (size_t)plane * SV_DENSITY_TEXELS + (size_t)t;

@@ -43,6 +43,7 @@ void sv_density_choose_leaf(struct sv_density_work *work);
 struct sv_density_periods {
     float *x, *y; /* px; 0: no leaf */
 };
+void sv_density_paper_range(struct sv_density_work *work); /* of periods; after the leaf is chosen */
 void sv_density_paper_analyse(const struct sv_density_work *work, struct sv_density_periods *periods,
                               int plane);
 void sv_density_paper_texels(struct sv_density_work *work, const struct sv_density_periods *periods);

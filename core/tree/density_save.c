@@ -15,13 +15,13 @@ enum { BYTE_ORDER_MARK = 0x01020304 };
 struct head {
     char magic[8];
     uint32_t byte_order, kind, plane_count, reserved;
-    float period_min, period_max, dark[3], bright[3], translucency[4];
+    float period_min, period_max, wood[3], dark[3], bright[3], translucency[4];
     struct sv_density_leaf leaf;
     struct sv_density_plane planes[SV_DENSITY_PLANES_MAX];
 };
 
 _Static_assert(sizeof(struct sv_density_plane) == 38 * 4 && sizeof(struct sv_density_leaf) == 8 * 4 &&
-                   sizeof(struct head) == 24 + 12 * 4 + 8 * 4 + SV_DENSITY_PLANES_MAX * 38 * 4,
+                   sizeof(struct head) == 24 + 15 * 4 + 8 * 4 + SV_DENSITY_PLANES_MAX * 38 * 4,
                "the saved block has no padding");
 
 enum sv_status sv_density_save(const struct sv_density *density, void **data, size_t *bytes,
@@ -37,6 +37,7 @@ enum sv_status sv_density_save(const struct sv_density *density, void **data, si
                        .period_max = density->period_max,
                        .leaf = density->leaf};
     memcpy(h->magic, MAGIC, sizeof MAGIC);
+    memcpy(h->wood, density->wood, sizeof h->wood);
     memcpy(h->dark, density->dark, sizeof h->dark);
     memcpy(h->bright, density->bright, sizeof h->bright);
     memcpy(h->translucency, density->translucency, sizeof h->translucency);
@@ -65,7 +66,8 @@ static enum sv_status check(const struct head *h, struct sv_error *error)
     if (!sound(&h->period_min, 2 * sizeof(float), 0.5f, 1e4f) || h->period_min > h->period_max)
         return sv_fail(error, SV_EFORMAT, "density.period", "%g to %g", (double)h->period_min,
                        (double)h->period_max);
-    if (!sound(h->dark, sizeof h->dark, 0, 64) || !sound(h->bright, sizeof h->bright, 0, 64) ||
+    if (!sound(h->wood, sizeof h->wood, 0, 64) || !sound(h->dark, sizeof h->dark, 0, 64) ||
+        !sound(h->bright, sizeof h->bright, 0, 64) ||
         !sound(h->translucency, sizeof h->translucency, -NUMBER_MAX, NUMBER_MAX))
         return sv_fail(error, SV_EFORMAT, "density.colors", "a colour is out of range");
     if (leaf->material < -1 || leaf->material >= SV_TREE_MATERIALS_MAX ||
@@ -104,6 +106,7 @@ enum sv_status sv_density_load(const void *data, size_t bytes, struct sv_density
                               .file = malloc(SV_DENSITY_FILE_BYTES)};
     if (!made.file)
         return sv_fail(error, SV_ENOMEM, "density", "no memory to load a density texture");
+    memcpy(made.wood, h.wood, sizeof h.wood);
     memcpy(made.dark, h.dark, sizeof h.dark);
     memcpy(made.bright, h.bright, sizeof h.bright);
     memcpy(made.translucency, h.translucency, sizeof h.translucency);

@@ -1,9 +1,12 @@
 # sv_tree_draw: what draws trees: by OSMesa, and on the CPU (sprite.h, leaf_splat.h).
-add_library(sv_tree_draw STATIC draw.c draw_cull.c ladder.c draw_mesh.c impostor.c impostor_bake.c impostor_frame.c
-            impostor_guess.c impostor_raster.c cloud_bake.c least_squares.c billboard.c draw_cloud.c draw_cloud_form.c
-            draw_billboard.c density.c density_sample.c density_paper.c density_plain.c density_save.c 
-            shade.c shade_outline.c shade_stand.c shade_cast.c
-            sprite.c sprite_atlas.c sprite_bake.c sprite_setup.c sprite_kernel.c sprite_kernel_avx2.c sprite_resolve.c)
+add_library(
+  sv_tree_draw STATIC
+  draw.c draw_cull.c draw_mesh.c ladder.c
+  impostor.c impostor_bake.c impostor_frame.c impostor_guess.c impostor_raster.c least_squares.c
+  cloud_bake.c billboard.c draw_cloud.c draw_cloud_form.c draw_billboard.c
+  density.c density_sample.c density_paper.c density_plain.c density_save.c density_look.c density_twin.c draw_density.c
+  shade.c shade_outline.c shade_stand.c shade_cast.c
+  sprite.c sprite_atlas.c sprite_bake.c sprite_setup.c sprite_kernel.c sprite_kernel_avx2.c sprite_resolve.c)
 set_source_files_properties(sprite_kernel_avx2.c PROPERTIES COMPILE_OPTIONS "${SV_AVX2_OPTIONS}")
 target_link_libraries(sv_tree_draw PUBLIC sv_leaf_splat sv_gl sv_tree sv_dxt sv_base m)
 # Windows of sunlight on the ground, which trees are cast into.

@@ -65,6 +65,7 @@ enum sv_status sv_form_billboard_upload(const struct sv_tree_mesh *mesh, const s
             t->name[part] = upload_part(&b, (enum sv_billboard_part)part);
         }
         memcpy(t->params[0], b.translucency, sizeof b.translucency);
+        memcpy(t->params[1], b.bar, 12 * sizeof *b.bar); /* coarser ones are a few texels */
         memcpy(t->outline, b.outline, sizeof t->outline);
         t->bytes = b.bytes;
         status = sv_gl_check("uploading billboards", error);

@@ -34,6 +34,7 @@ enum {
     AT_ID,
     AT_LIGHT, /* and the next: a column of the light's grid each */
 };            /* locations in tree_cloud.vert */
+enum pass { PASS_TESTED, PASS_SOFT, PASS_HARD, PASSES };
 enum { UNIFORM_ACROSS = 2, UNIFORM_ALONG = 3, UNIFORM_EDGE_ON = 4, UNIFORM_PARAMS = 8 };
 
 /* Cosine between a plane and the view below which it is left out: it would show smeared columns of texels,
@@ -76,14 +77,14 @@ struct sv_cloud_draw {
     struct sv_store *store;
     int species_count;
     struct cloud_species *species;
-    GLuint programs[SV_CLOUD_FORM_COUNT][2]; /* without and with light; made when first needed */
+    GLuint programs[SV_CLOUD_FORM_COUNT][PASSES][2]; /* without and with light; made when first needed */
     GLuint instances, lights;
     float bins[BINS][3];
     /* What is drawn, in order: heap, room entries each. */
     struct instance *staging;
     struct sv_tree_light *light_staging;
-    uint32_t *keys, *order; /* species * BINS + bin of an entry; entries of a group in the order of keys */
-    uint32_t *counts;       /* species_count * BINS + 1 */
+    uint32_t *keys, *scratch; /* keys: species * BINS + bin of what is staged */
+    uint32_t *counts;         /* species_count * BINS + 1 */
     uint32_t room;
 };
 
@@ -423,8 +424,8 @@ void sv_cloud_draw_destroy(struct sv_cloud_draw *draw)
         }
     }
     for (int form = 0; form < SV_CLOUD_FORM_COUNT; form++)
-        for (int k = 0; k < 2; k++)
-            gl.DeleteProgram(draw->programs[form][k]);
+        for (int k = 0; k < PASSES * 2; k++)
+            gl.DeleteProgram(draw->programs[form][k / 2][k % 2]);
     gl.DeleteBuffers(1, &draw->instances);
     gl.DeleteBuffers(1, &draw->lights);
     free(draw->species);
@@ -432,7 +433,7 @@ void sv_cloud_draw_destroy(struct sv_cloud_draw *draw)
     free(draw->staging);
     free(draw->light_staging);
     free(draw->keys);
-    free(draw->order);
+    free(draw->scratch);
     free(draw);
 }
 
@@ -450,18 +451,20 @@ const struct sv_tree_cloud *sv_cloud_draw_cloud(const struct sv_cloud_draw *draw
 
 /* ---- drawing ---- */
 
-static enum sv_status make_program(struct sv_cloud_draw *draw, enum sv_cloud_form form, bool light,
-                                   struct sv_error *error)
+static enum sv_status make_program(struct sv_cloud_draw *draw, enum sv_cloud_form form, enum pass pass,
+                                   bool light, struct sv_error *error)
 {
+    static const char *const of_pass[PASSES] = {"", "#define SOFT 1\n", "#define HARD 1\n"};
     const struct sv_cloud_form_row *row = &sv_cloud_forms[form];
     char defines[512] = "";
-    if (draw->programs[form][light])
+    if (draw->programs[form][pass][light])
         return SV_OK;
     if (light)
         strcat(defines, "#define SHADE 1\n");
+    strcat(defines, of_pass[pass]);
     if (row->defines)
         strncat(defines, row->defines, sizeof defines - strlen(defines) - 1);
-    return sv_gl_program_create("tree_cloud.vert", row->fragment, defines, &draw->programs[form][light],
+    return sv_gl_program_create("tree_cloud.vert", row->fragment, defines, &draw->programs[form][pass][light],
                                 error);
 }
 
@@ -472,12 +475,12 @@ static enum sv_status make_room(struct sv_cloud_draw *draw, uint32_t count, stru
     free(draw->staging);
     free(draw->light_staging);
     free(draw->keys);
-    free(draw->order);
+    free(draw->scratch);
     draw->staging = malloc(count * sizeof *draw->staging);
     draw->light_staging = malloc(count * sizeof *draw->light_staging);
     draw->keys = malloc(count * sizeof *draw->keys);
-    draw->order = malloc(count * sizeof *draw->order);
-    draw->room = draw->staging && draw->light_staging && draw->keys && draw->order ? count : 0;
+    draw->scratch = malloc(count * sizeof *draw->scratch);
+    draw->room = draw->staging && draw->light_staging && draw->keys && draw->scratch ? count : 0;
     if (draw->room)
         return SV_OK;
     return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u trees", count);
@@ -523,29 +526,72 @@ static void put_instance(struct instance *i, const struct sv_tree *tree, struct 
     i->reserved = 0;
 }
 
-/* Sorts the group by key, order kept within one, and stages its instances from `base` on. */
-static void stage_group(struct sv_cloud_draw *draw, const struct sv_camera *camera,
-                        const struct sv_tree *trees, const struct sv_cull_entry *entries, uint32_t count,
-                        uint32_t base, const struct sv_tree_light *lights)
+/* What is drawn, and where it is staged. */
+struct batch {
+    enum sv_cloud_form form;
+    const struct sv_camera *camera;
+    const struct sv_tree *trees;
+    const struct sv_cull_entry *entries; /* nearest first */
+    uint32_t count;
+    struct sv_tree_lights lights; /* of_tree NULL: none */
+};
+
+static void stage(struct sv_cloud_draw *draw, const struct batch *b, uint32_t entry, uint32_t at,
+                  uint32_t key)
+{
+    uint32_t tree = b->entries[entry].tree;
+    draw->keys[at] = key;
+    put_instance(&draw->staging[at], &b->trees[tree], b->camera->eye);
+    if (b->lights.of_tree)
+        draw->light_staging[at] = b->lights.of_tree[tree];
+}
+
+/* Species and bin of an entry; side -1: planes from the farthest on. */
+static uint32_t key_of(const struct sv_cloud_draw *draw, const struct batch *b, uint32_t entry, float side)
+{
+    const struct sv_tree *tree = &b->trees[b->entries[entry].tree];
+    float d[3];
+    model_view(b->camera, tree, d);
+    for (int c = 0; c < 3; c++)
+        d[c] *= side;
+    return tree->species * (uint32_t)BINS + (uint32_t)bin_of(draw, d);
+}
+
+/* Stages entries first .. first + count sorted by key, order kept within one, from `at` on. */
+static void stage_group(struct sv_cloud_draw *draw, const struct batch *b, uint32_t first, uint32_t count,
+                        uint32_t at)
 {
     uint32_t key_count = (uint32_t)draw->species_count * BINS;
     memset(draw->counts, 0, (key_count + 1) * sizeof *draw->counts);
     for (uint32_t i = 0; i < count; i++) {
-        const struct sv_tree *tree = &trees[entries[i].tree];
-        float d[3];
-        model_view(camera, tree, d);
-        draw->keys[base + i] = tree->species * (uint32_t)BINS + (uint32_t)bin_of(draw, d);
-        draw->counts[draw->keys[base + i] + 1]++;
+        draw->scratch[i] = key_of(draw, b, first + i, 1);
+        draw->counts[draw->scratch[i] + 1]++;
     }
     for (uint32_t k = 0; k < key_count; k++)
         draw->counts[k + 1] += draw->counts[k];
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t at = base + draw->counts[draw->keys[base + i]]++;
-        const struct sv_tree *tree = &trees[entries[i].tree];
-        draw->order[at] = draw->keys[base + i];
-        put_instance(&draw->staging[at], tree, camera->eye);
-        if (lights)
-            draw->light_staging[at] = lights[entries[i].tree];
+    for (uint32_t i = 0; i < count; i++)
+        stage(draw, b, first + i, at + draw->counts[draw->scratch[i]]++, draw->scratch[i]);
+}
+
+static uint32_t group_size(uint32_t base, uint32_t count)
+{
+    uint32_t size = base + GROUP_FIRST; /* doubles what came before */
+    return size < count - base ? size : count - base;
+}
+
+/* Nearest first, in groups, from `at` on. */
+static void stage_near(struct sv_cloud_draw *draw, const struct batch *b, uint32_t at)
+{
+    for (uint32_t base = 0; base < b->count; base += group_size(base, b->count))
+        stage_group(draw, b, base, group_size(base, b->count), at + base);
+}
+
+/* Farthest first, strictly: blending wants it. */
+static void stage_far(struct sv_cloud_draw *draw, const struct batch *b, uint32_t at)
+{
+    for (uint32_t i = 0; i < b->count; i++) {
+        uint32_t entry = b->count - 1 - i;
+        stage(draw, b, entry, at + i, key_of(draw, b, entry, -1));
     }
 }
 
@@ -582,21 +628,24 @@ static void bind_species(const struct form_species *f, const struct sv_tree_ligh
     }
 }
 
-/* Runs of one key; *bound: the species that is bound, -1 for none. */
-static void draw_runs(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
-                      const struct sv_tree_light_axes *axes, uint32_t first, uint32_t count, int *bound)
+/* What is staged from `first` on, a call a run of one key. */
+static void draw_pass(const struct sv_cloud_draw *draw, const struct batch *b, enum pass pass, uint32_t first)
 {
-    for (uint32_t i = first, run; i < first + count; i += run) {
-        uint32_t key = draw->order[i];
-        int species = (int)(key / BINS), owner = draw->species[species].owner;
-        const struct form_species *f = &draw->species[owner].forms[form];
-        for (run = 1; i + run < first + count && draw->order[i + run] == key;)
+    const struct sv_tree_light_axes *axes = b->lights.of_tree ? b->lights.of_species : NULL;
+    int bound = -1;
+    gl.UseProgram(draw->programs[b->form][pass][axes != NULL]);
+    gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
+    for (uint32_t i = first, run; i < first + b->count; i += run) {
+        uint32_t key = draw->keys[i];
+        int species = (int)(key / BINS);
+        const struct form_species *f = &draw->species[draw->species[species].owner].forms[b->form];
+        for (run = 1; i + run < first + b->count && draw->keys[i + run] == key;)
             run++;
         if (f->plane_count == 0)
             continue;
-        if (*bound != species)
+        if (bound != species)
             bind_species(f, axes ? &axes[species] : NULL);
-        *bound = species;
+        bound = species;
         size_t list = (size_t)f->plane_count * PLANE_INDICES;
         gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)list, GL_UNSIGNED_SHORT,
                                              (const void *)(key % BINS * list * sizeof(uint16_t)),
@@ -604,37 +653,72 @@ static void draw_runs(const struct sv_cloud_draw *draw, enum sv_cloud_form form,
     }
 }
 
-static uint32_t group_size(uint32_t base, uint32_t count)
+/* Colour, farthest first, tested against depth but leaving it. */
+static void draw_soft(const struct sv_cloud_draw *draw, const struct batch *b, uint32_t first)
 {
-    uint32_t size = base + GROUP_FIRST; /* doubles what came before */
-    return size < count - base ? size : count - base;
+    GLint color = GL_NONE;
+    gl.GetIntegerv(GL_DRAW_BUFFER0, &color);
+    if (color == GL_NONE)
+        return;
+    gl.Enablei(GL_BLEND, 0);
+    gl.BlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    gl.ColorMaski(1, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    gl.ColorMaski(2, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    gl.DepthMask(GL_FALSE);
+    draw_pass(draw, b, PASS_SOFT, first);
+    gl.Disablei(GL_BLEND, 0);
+    gl.DepthMask(GL_TRUE);
+    gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+/* Depth, id and normal, nearest first. */
+static void draw_hard(const struct sv_cloud_draw *draw, const struct batch *b, uint32_t first)
+{
+    gl.ColorMaski(0, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    draw_pass(draw, b, PASS_HARD, first);
+    gl.ColorMaski(0, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+static enum sv_status make_programs(struct sv_cloud_draw *draw, const struct batch *b, bool color_only,
+                                    struct sv_error *error)
+{
+    bool light = b->lights.of_tree, tested = sv_cloud_forms[b->form].tested;
+    enum sv_status status = make_program(draw, b->form, tested ? PASS_TESTED : PASS_SOFT, light, error);
+    if (!status && !tested && !color_only)
+        status = make_program(draw, b->form, PASS_HARD, light, error);
+    return status;
 }
 
 enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_form form,
                                    const struct sv_gl_frame *frame, const struct sv_tree *trees,
-                                   const struct sv_cull_entry *entries, uint32_t count,
+                                   const struct sv_cull_entry *entries, uint32_t count, bool color_only,
                                    struct sv_tree_lights lights, struct sv_error *error)
 {
     if (count == 0)
         return SV_OK;
-    bool light = lights.of_tree && lights.of_species;
-    enum sv_status status = make_room(draw, count, error);
+    if (!lights.of_species)
+        lights.of_tree = NULL;
+    struct batch b = {form, &frame->camera, trees, entries, count, lights};
+    bool tested = sv_cloud_forms[form].tested, two = !tested && !color_only;
+    enum sv_status status = make_room(draw, two ? 2 * count : count, error);
     if (!status)
-        status = make_program(draw, form, light, error);
+        status = make_programs(draw, &b, color_only, error);
     for (uint32_t i = 0; !status && i < count; i++)
         status = sv_cloud_draw_build(draw, trees[entries[i].tree].species, form, error);
     if (status)
         return status;
-    for (uint32_t base = 0; base < count; base += group_size(base, count))
-        stage_group(draw, &frame->camera, trees, entries + base, group_size(base, count), base,
-                    light ? lights.of_tree : NULL);
-    upload_instances(draw, count, light);
-    int bound = -1;
+    if (tested || two)
+        stage_near(draw, &b, 0);
+    if (!tested)
+        stage_far(draw, &b, two ? count : 0);
+    upload_instances(draw, two ? 2 * count : count, lights.of_tree != NULL);
     gl.Disable(GL_CULL_FACE);
-    gl.UseProgram(draw->programs[form][light]);
-    gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
-    for (uint32_t base = 0; base < count; base += group_size(base, count))
-        draw_runs(draw, form, light ? lights.of_species : NULL, base, group_size(base, count), &bound);
+    if (tested)
+        draw_pass(draw, &b, PASS_TESTED, 0);
+    else
+        draw_soft(draw, &b, two ? count : 0);
+    if (two)
+        draw_hard(draw, &b, 0);
     gl.BindVertexArray(0);
     gl.ActiveTexture(GL_TEXTURE0);
     return sv_gl_check("drawing billboard clouds", error);

@@ -8,6 +8,19 @@ const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
                                  .fragment = "tree_billboard.frag",
                                  .build = sv_form_billboard_build,
                                  .upload = sv_form_billboard_upload},
+    [SV_CLOUD_FORM_DENSITY] = {.name = "density",
+                               .kind = "density2",
+                               .fragment = "tree_density.frag",
+                               .defines = "#define PLANE_AXES 1\n",
+                               .build = sv_form_density_build,
+                               .upload = sv_form_density_upload},
+    [SV_CLOUD_FORM_DENSITY_PAPER] = {.name = "density_paper",
+                                     .kind = "densitypaper3",
+                                     .fragment = "tree_density_paper.frag",
+                                     .defines = "#define PLANE_AXES 1\n",
+                                     .tested = true,
+                                     .build = sv_form_density_paper_build,
+                                     .upload = sv_form_density_paper_upload},
 };
 
 const char *sv_cloud_form_name(enum sv_cloud_form form)

@@ -25,6 +25,7 @@ struct sv_cloud_textures {
 struct sv_cloud_form_row {
     const char *name, *kind;        /* kind: of the blob in the store */
     const char *fragment, *defines; /* file in core/gl/shaders; lines put before it, or NULL */
+    bool tested; /* drawn by an alpha test, in one pass, as papers do; else blended, and tested for depth */
     /* Any process, no GL. *data: heap. */
     enum sv_status (*build)(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud, void **data,
                             size_t *bytes, struct sv_error *error);
@@ -48,5 +49,17 @@ enum sv_status sv_form_indirect_build(const struct sv_tree_mesh *mesh, const str
 enum sv_status sv_form_indirect_upload(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
                                        const void *data, size_t bytes, struct sv_cloud_textures *textures,
                                        struct sv_error *error);
+
+/* draw_density.c */
+enum sv_status sv_form_density_build(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                                     void **data, size_t *bytes, struct sv_error *error);
+enum sv_status sv_form_density_upload(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                                      const void *data, size_t bytes, struct sv_cloud_textures *textures,
+                                      struct sv_error *error);
+enum sv_status sv_form_density_paper_build(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
+                                           void **data, size_t *bytes, struct sv_error *error);
+enum sv_status sv_form_density_paper_upload(const struct sv_tree_mesh *mesh,
+                                            const struct sv_tree_cloud *cloud, const void *data, size_t bytes,
+                                            struct sv_cloud_textures *textures, struct sv_error *error);
 
 #endif

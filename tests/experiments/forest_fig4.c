@@ -15,21 +15,21 @@
 #include "core/gl/context.h"
 #include "core/image/encode.h"
 #include "tests/experiments/tree_forms.h"
+#include "tests/experiments/tree_options.h"
 
-enum { DISTANCES = 5, VIEWS_MAX = 16, FORMS_MAX = 16, SHEET_TILE = 480, RUNS = 3 };
+enum {
+    DISTANCES = TREE_OPTIONS_DISTANCES,
+    VIEWS_MAX = TREE_OPTIONS_VIEWS_MAX,
+    FORMS_MAX = TREE_OPTIONS_FORMS_MAX,
+    SHEET_TILE = 480,
+    RUNS = 3
+};
 static const double HEIGHT_PX[DISTANCES] = {400, 200, 100, 50, 25};
 static const double SUN[2] = {135, 40};
 /* Azimuth and elevation that views are seen from: a walker's, and from over the forest. */
 static const double VIEWS[VIEWS_MAX][2] = {{20, 0},  {200, 25}, {110, 8},  {290, 15}, {65, 2}, {245, 30},
                                            {155, 5}, {335, 20}, {0, 12},   {180, 40}, {90, 3}, {270, 10},
                                            {45, 18}, {225, 6},  {135, 35}, {315, 1}};
-
-struct setup {
-    const char *out, *models;
-    bool trees[TREE_KIT_TREES], forms[FORMS_MAX];
-    int views, samples, distances;
-    struct sv_store *store;
-};
 
 struct score {
     double mean_abs, ssim, gradient, ms;
@@ -48,8 +48,8 @@ static void add_score(struct score *sum, const struct sv_image *picture, const s
     sum->ms += ms / views;
 }
 
-static void run_view(const struct setup *setup, const struct tree_kit *kit, struct tree_forms *forms, int d,
-                     int v, struct tree_kit_sheet *sheet, struct score scores[FORMS_MAX])
+static void run_view(const struct tree_options *setup, const struct tree_kit *kit, struct tree_forms *forms,
+                     int d, int v, struct tree_kit_sheet *sheet, struct score scores[FORMS_MAX])
 {
     struct sv_camera camera = tree_kit_camera(kit, HEIGHT_PX[d], VIEWS[v][0], VIEWS[v][1]);
     struct sv_light light = tree_kit_light(SUN[0], SUN[1]);
@@ -81,11 +81,12 @@ static const char *judge(const struct score *a, const struct score *b, double sh
     return mean && ssim ? "yes" : mean ? "SSIM no" : ssim ? "mean no" : "no";
 }
 
-static void print_verdict(const struct setup *setup, struct score scores[DISTANCES][FORMS_MAX])
+static void print_verdict(const struct tree_options *setup, struct score scores[DISTANCES][FORMS_MAX])
 {
     int density = tree_forms_find("density"), paper = tree_forms_find("density_paper"),
         billboard = tree_forms_find("billboard");
-    if (density < 0 || paper < 0 || billboard < 0)
+    if (density < 0 || paper < 0 || billboard < 0 || !setup->forms[density] || !setup->forms[paper] ||
+        !setup->forms[billboard])
         return;
     for (int d = 0; d < setup->distances; d++)
         printf("  %4.0f px: density beats density_paper: %s; within 10 %% of billboard: %s; gradient %.2f\n",
@@ -93,7 +94,7 @@ static void print_verdict(const struct setup *setup, struct score scores[DISTANC
                judge(&scores[d][density], &scores[d][billboard], 1.1), scores[d][density].gradient);
 }
 
-static void run_tree(const struct setup *setup, int tree)
+static void run_tree(const struct tree_options *setup, int tree)
 {
     struct tree_kit kit;
     struct score scores[DISTANCES][FORMS_MAX];
@@ -101,9 +102,7 @@ static void run_tree(const struct setup *setup, int tree)
     if (!tree_kit_open(&kit, tree, setup->models, setup->store))
         return;
     struct tree_forms *forms = tree_forms_create(&kit, setup->store);
-    int columns = 1;
-    for (int f = 0; f < tree_forms_count(); f++)
-        columns += setup->forms[f];
+    int columns = 1 + tree_options_forms(setup);
     struct tree_kit_sheet sheet = {0};
     if (setup->out)
         sheet = tree_kit_sheet(columns, setup->distances, SHEET_TILE);
@@ -138,79 +137,20 @@ static void run_tree(const struct setup *setup, int tree)
     tree_kit_close(&kit);
 }
 
-/* Sets chosen[find(name)] for each name of a list with commas; false for a name that is none. */
-static bool choose(const char *list, int (*find)(const char *), bool *chosen, int count)
-{
-    memset(chosen, 0, (size_t)count * sizeof *chosen);
-    char name[64];
-    for (const char *at = list; *at;) {
-        size_t n = strcspn(at, ",");
-        snprintf(name, sizeof name, "%.*s", (int)(n < 63 ? n : 63), at);
-        int k = find(name);
-        if (k < 0) {
-            fprintf(stderr, "there is no %s\n", name);
-            return false;
-        }
-        chosen[k] = true;
-        at += n + (at[n] == ',');
-    }
-    return true;
-}
-
-static bool parse(int argc, char **argv, struct setup *setup)
-{
-    for (int i = 1; i < argc; i++) {
-        const char *key = argv[i], *value = i + 1 < argc ? argv[++i] : NULL;
-        struct sv_error error;
-        if (!value)
-            return false;
-        if (strcmp(key, "-o") == 0)
-            setup->out = value;
-        else if (strcmp(key, "--models") == 0)
-            setup->models = value;
-        else if (strcmp(key, "--views") == 0)
-            setup->views = atoi(value);
-        else if (strcmp(key, "--samples") == 0)
-            setup->samples = atoi(value);
-        else if (strcmp(key, "--distances") == 0)
-            setup->distances = atoi(value);
-        else if (strcmp(key, "--store") == 0)
-            tree_kit_must(sv_store_open(value, (uint64_t)1 << 32, &setup->store, &error), &error);
-        else if (strcmp(key, "--trees") == 0 && !choose(value, tree_kit_find, setup->trees, TREE_KIT_TREES))
-            return false;
-        else if (strcmp(key, "--forms") == 0 && !choose(value, tree_forms_find, setup->forms, FORMS_MAX))
-            return false;
-        else if (strcmp(key, "--trees") != 0 && strcmp(key, "--forms") != 0)
-            return false;
-    }
-    return setup->views >= 1 && setup->views <= VIEWS_MAX && setup->distances >= 1 &&
-           setup->distances <= DISTANCES &&
-           (setup->samples == 1 || setup->samples == 4 || setup->samples == 16 || setup->samples == 64);
-}
-
 int main(int argc, char **argv)
 {
-    struct setup setup = {
-        .models = "../shared/data/models", .views = 4, .samples = 64, .distances = DISTANCES};
+    struct tree_options options;
     struct sv_gl_context *context;
     struct sv_error error;
-    memset(setup.trees, 1, sizeof setup.trees);
-    memset(setup.forms, 1, sizeof setup.forms);
-    if (!parse(argc, argv, &setup)) {
-        fprintf(
-            stderr,
-            "usage: %s [-o DIR] [--trees NAME,...] [--forms NAME,...] [--views 1..%d] [--distances 1..%d] "
-            "[--samples 1|4|16|64] [--store DIR] [--models DIR]\n",
-            argv[0], VIEWS_MAX, DISTANCES);
+    if (!tree_options_parse(argc, argv, &options))
         return 2;
-    }
     sv_color_init();
     sv_image_init();
     tree_kit_must(sv_gl_context_create(&context, &error), &error);
     for (int k = 0; k < TREE_KIT_TREES; k++)
-        if (setup.trees[k])
-            run_tree(&setup, k);
+        if (options.trees[k])
+            run_tree(&options, k);
     sv_gl_context_destroy(context);
-    sv_store_close(setup.store);
+    sv_store_close(options.store);
     return 0;
 }

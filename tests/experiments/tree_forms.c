@@ -36,16 +36,22 @@ static size_t bytes_forest(const struct tree_forms *forms, int which)
     return sv_tree_draw_bytes(forms->draw, 0, (enum sv_tree_form)which);
 }
 
-static void draw_cloud(struct tree_forms *forms, const struct sv_gl_frame *frame, int which)
+static void build_cloud(struct tree_forms *forms, int which)
 {
     struct sv_error error;
-    const struct sv_cull_entry entry = {0, 0};
     double start = tree_kit_now_ms();
     tree_kit_must(sv_cloud_draw_build(forms->clouds, 0, (enum sv_cloud_form)which, &error), &error);
     double took = tree_kit_now_ms() - start;
     forms->build_ms[which] = took > forms->build_ms[which] ? took : forms->build_ms[which];
+}
+
+static void draw_cloud(struct tree_forms *forms, const struct sv_gl_frame *frame, int which)
+{
+    struct sv_error error;
+    const struct sv_cull_entry entry = {0, 0};
+    build_cloud(forms, which);
     tree_kit_must(sv_cloud_draw_trees(forms->clouds, (enum sv_cloud_form)which, frame,
-                                      forms->kit->forest.trees, &entry, 1,
+                                      forms->kit->forest.trees, &entry, 1, true,
                                       (struct sv_tree_lights){NULL, NULL}, &error),
                   &error);
 }
@@ -59,6 +65,8 @@ static const struct form FORMS[] = {
     {"polygon", draw_forest, bytes_forest, SV_TREE_FORM_POLYGON},
     {"impostor", draw_forest, bytes_forest, SV_TREE_FORM_IMPOSTOR},
     {"billboard", draw_cloud, bytes_cloud, SV_CLOUD_FORM_BILLBOARD},
+    {"density_paper", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY_PAPER},
+    {"density", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY},
 };
 enum { COUNT = sizeof FORMS / sizeof *FORMS };
 
@@ -78,6 +86,12 @@ int tree_forms_find(const char *name)
         if (strcmp(name, FORMS[k].name) == 0)
             return k;
     return -1;
+}
+
+void tree_forms_build(struct tree_forms *forms, int form)
+{
+    if (FORMS[form].draw == draw_cloud)
+        build_cloud(forms, FORMS[form].which);
 }
 
 size_t tree_forms_bytes(const struct tree_forms *forms, int form)

@@ -16,6 +16,8 @@ int tree_forms_count(void);
 const char *tree_forms_name(int form);
 /* Index of a name; -1. */
 int tree_forms_find(const char *name);
+/* Builds what the form needs, if that is not there yet: the first drawing does it otherwise. */
+void tree_forms_build(struct tree_forms *forms, int form);
 /* Bytes of a species in it as it is kept, 0: not said; and ms that building it took, 0: nothing is built. */
 size_t tree_forms_bytes(const struct tree_forms *forms, int form);
 double tree_forms_build_ms(const struct tree_forms *forms, int form);

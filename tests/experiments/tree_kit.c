@@ -131,6 +131,35 @@ struct sv_camera tree_kit_camera(const struct tree_kit *kit, double height_px, d
     return camera;
 }
 
+/* How far the mesh reaches to a side, near a height. */
+static double reach(const struct sv_tree_mesh *mesh, const float side[2], double height)
+{
+    double most = 0;
+    for (uint32_t k = 0; k < mesh->vertex_count; k++) {
+        const float *p = mesh->vertices[k].position;
+        if (fabs((double)p[2] - height) < 0.05)
+            most = fmax(most, (double)(p[0] * side[0] + p[1] * side[1]));
+    }
+    return most;
+}
+
+struct sv_camera tree_kit_edge_camera(const struct tree_kit *kit, double height_px, double azimuth_deg,
+                                      double at_height, int side)
+{
+    double focal = 0.5 * FOCAL_SIDE / tan(sv_radians(30)), distance = focal * HEIGHT_M / height_px;
+    double azimuth = sv_radians(azimuth_deg);
+    struct sv_vec3 right = sv_direction(azimuth - SV_PI / 2, 0);
+    double out = 0.93 * reach(&kit->mesh, (const float[2]){(float)right.x, (float)right.y}, at_height);
+    struct sv_vec3 at = sv_madd(sv_vec3(0, 0, at_height * HEIGHT_M), right, out * HEIGHT_M);
+    struct sv_camera camera = {.vfov_rad = 2 * atan(0.5 * side / focal),
+                               .width = side,
+                               .height = side,
+                               .near_m = 0.1,
+                               .eye = sv_madd(at, sv_direction(azimuth, 0), distance)};
+    sv_camera_aim(&camera, azimuth + SV_PI, 0, 0);
+    return camera;
+}
+
 struct sv_light tree_kit_light(double azimuth_deg, double elevation_deg)
 {
     struct sv_light light;

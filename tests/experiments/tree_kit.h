@@ -37,6 +37,10 @@ void tree_kit_close(struct tree_kit *kit);
  * of 60 degrees), seen from azimuth, elevation degrees above its middle. */
 struct sv_camera tree_kit_camera(const struct tree_kit *kit, double height_px, double azimuth_deg,
                                  double elevation_deg);
+/* The edge of its crown from near: a picture of side px in which the whole tree would stand height_px tall,
+ * its middle where the crown's outline is, at_height of the tree up. */
+struct sv_camera tree_kit_edge_camera(const struct tree_kit *kit, double height_px, double azimuth_deg,
+                                      double at_height, int side);
 struct sv_light tree_kit_light(double azimuth_deg, double elevation_deg);
 
 /* The tree by ray casting, straight alpha, no shadows (light as forms have it: sv_tree_vertex.open). Kept in

@@ -14,6 +14,8 @@ if(TARGET sv_tree_draw AND EXISTS ${CMAKE_SOURCE_DIR}/core/tree/import.c)
 endif()
 # Density textures.
 if(TARGET sv_tree_draw AND TARGET sv_scene)
+  sv_test(test_density_draw SOURCES test_density_draw.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree
+          TIMEOUT 600)
   sv_test(test_density SOURCES test_density.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree TIMEOUT 600)
 endif()
 # Near trees on the CPU, against rays.

@@ -1,0 +1,229 @@
+/* test_density_draw.c - the fragment shaders of density textures against their twins in C, pixel by pixel:
+ * one plane, seen square from the front, at several sizes. The light that follows is written out again here
+ * from light.h's rules. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "core/base/color.h"
+#include "core/tree/density_look.h"
+#include "core/tree/draw_cloud.h"
+#include "tests/core/tree/draw_fixture.h"
+
+enum { SIDE = 200 };
+static const float HEIGHT_M = 10;
+
+static struct sv_gl_context *context;
+static struct sv_tree_mesh mesh;
+
+struct plane {
+    struct sv_cloud_draw *draw;
+    const struct sv_tree_cloud *cloud;
+    struct sv_density density;
+    struct sv_density_levels levels;
+    uint8_t *texels, *leaf[SV_DENSITY_LEAF_LEVELS];
+    float sharp;
+};
+
+static void open_plane(enum sv_cloud_form form, enum sv_density_kind kind, struct plane *p)
+{
+    struct sv_cloud_options options = SV_CLOUD_OPTIONS_DEFAULT;
+    const struct sv_tree_draw_species species = {&mesh, 1, 1};
+    struct sv_error error;
+    options.planes = 1;
+    options.stem_planes = 0;
+    fixture_ok(sv_cloud_draw_create(&species, 1, NULL, &options, &p->draw, &error), &error);
+    fixture_ok(sv_cloud_draw_build(p->draw, 0, form, &error), &error);
+    p->cloud = sv_cloud_draw_cloud(p->draw, 0);
+    fixture_ok(sv_density_build(&mesh, p->cloud, kind, &p->density, &error), &error);
+    p->texels = malloc((size_t)SV_DENSITY_WIDTH * SV_DENSITY_HEIGHT * 4);
+    assert_non_null(p->texels);
+    sv_density_texels(&p->density, p->texels);
+    fixture_ok(sv_density_levels_init(&p->density, &p->levels, &error), &error);
+    fixture_ok(sv_density_leaf_picture(&p->density, &mesh, p->leaf, &error), &error);
+    p->sharp = sv_density_sharp_scale(&p->density, p->texels);
+}
+
+static void close_plane(struct plane *p)
+{
+    sv_cloud_draw_destroy(p->draw);
+    sv_density_levels_finish(&p->levels);
+    sv_density_finish(&p->density);
+    free(p->texels);
+    free(p->leaf[0]);
+}
+
+static struct sv_vec3 vec(const float v[3])
+{
+    return sv_vec3((double)v[0], (double)v[1], (double)v[2]);
+}
+
+/* Square to the plane's front, `tall` px for the plane's height. */
+static struct sv_camera facing(const struct sv_cloud_plane *plane, double tall)
+{
+    struct sv_camera c = {.projection = SV_PROJECTION_ORTHOGRAPHIC,
+                          .width = SIDE,
+                          .height = SIDE,
+                          .ortho_height_m = 2.0 * (double)(plane->half[1] * HEIGHT_M) * SIDE / tall,
+                          .far_m = 100};
+    c.right = vec(plane->u);
+    c.up = vec(plane->v);
+    c.forward = sv_scale(vec(plane->normal), -1);
+    /* a part of a pixel off, so that no sample lies on a texel's edge by chance */
+    c.eye = sv_madd(sv_scale(vec(plane->centre), (double)HEIGHT_M), c.forward, -50);
+    c.eye = sv_add(c.eye, sv_add(sv_scale(c.right, 0.0137), sv_scale(c.up, 0.0071)));
+    return c;
+}
+
+/* light.h's leaf rule on a mean normal: leaf_sun of tree_leaf.glsl, written out again. */
+static double leaf_sun(const double m[3], const double l[3], double t)
+{
+    double rho2 = fmin(fmax(m[0] * m[0] + m[1] * m[1] + m[2] * m[2], 1e-6), 1), loose = 1 - sqrt(rho2);
+    double along = m[0] * l[0] + m[1] * l[1] + m[2] * l[2], c2 = fmin(along * along / rho2, 1);
+    double across = fmin(0.8 * loose, 0.5);
+    double mean = sqrt(fmax(across + (1 - 3 * across) * c2, 0)) * (1 - loose * (0.56 - 0.4 * c2));
+    return fmax(0, 0.5 * ((1 + t) * mean + (1 - t) * along));
+}
+
+static void lit(const struct sv_density_look *look, const struct sv_cloud_plane *plane,
+                const struct sv_light *light, double rgb[3])
+{
+    const double sun[3] = {light->to_sun.x, light->to_sun.y, light->to_sun.z};
+    double m[3], toward = 0, open = (double)look->open[3];
+    for (int c = 0; c < 3; c++) {
+        m[c] = (double)(look->normal[0] * plane->u[c] + look->normal[1] * plane->v[c] +
+                        look->normal[2] * plane->normal[c]);
+        toward += m[c] * (double)plane->normal[c];
+        open += (double)look->open[c] * sun[c];
+    }
+    for (int c = 0; c < 3; c++)
+        m[c] = toward < 0 ? -m[c] : m[c];
+    open = fmin(fmax(open, 0), 1);
+    double direct = leaf_sun(m, sun, (double)look->translucency) * open;
+    for (int c = 0; c < 3; c++) {
+        double ambient = (double)light->ground_rgb[c] +
+                         ((double)light->sky_rgb[c] - (double)light->ground_rgb[c]) * (0.5 + 0.5 * m[2]);
+        double v =
+            (double)look->rgb[c] * ((double)light->sun_rgb[c] * direct + ambient * (double)look->occlusion);
+        rgb[c] = (double)sv_light_tone((float)v * SV_LIGHT_EXPOSURE) * (double)look->coverage;
+    }
+}
+
+static void draw(struct plane *p, enum sv_cloud_form form, const struct sv_camera *camera,
+                 const struct sv_light *light, struct sv_image *image)
+{
+    struct sv_error error;
+    struct sv_gl_target *target;
+    struct sv_gl_frame frame = {.camera = *camera, .light = *light};
+    const struct sv_tree tree = {.height_m = HEIGHT_M};
+    const struct sv_cull_entry entry = {.tree = 0};
+    fixture_ok(sv_image_alloc(SIDE, SIDE, 4, SV_PIXEL_U8, image, &error), &error);
+    fixture_ok(sv_gl_target_create(SIDE, SIDE, 1u << SV_LAYER_COLOR, &target, &error), &error);
+    sv_gl_target_begin(target);
+    fixture_ok(sv_gl_frame_begin(&frame, &error), &error);
+    fixture_ok(sv_cloud_draw_trees(p->draw, form, &frame, &tree, &entry, 1, true,
+                                   (struct sv_tree_lights){NULL, NULL}, &error),
+               &error);
+    fixture_ok(sv_gl_target_read(target, SV_LAYER_COLOR, image, &error), &error);
+    sv_gl_target_destroy(target);
+}
+
+/* Where the pixel's ray meets the plane's rectangle; false outside of it, or too near its border to say. */
+static bool place(const struct sv_camera *camera, const struct sv_cloud_plane *plane, int i, int j,
+                  float st[2])
+{
+    struct sv_vec3 origin, direction;
+    sv_camera_ray(camera, i + 0.5, j + 0.5, &origin, &direction);
+    struct sv_vec3 at = sv_sub(sv_add(camera->eye, origin), sv_scale(vec(plane->centre), (double)HEIGHT_M));
+    double x = sv_dot(at, vec(plane->u)) / (double)(HEIGHT_M * plane->half[0]),
+           y = sv_dot(at, vec(plane->v)) / (double)(HEIGHT_M * plane->half[1]);
+    st[0] = (float)(0.5 + 0.5 * x);
+    st[1] = (float)(0.5 - 0.5 * y);
+    return fabs(x) < 0.99 && fabs(y) < 0.99;
+}
+
+/* Compares a drawn plane with its twin. Filtering in 8 bits and blending into sRGB codes leave some levels;
+ * pixels on an edge of the alpha test, or where a sawtooth jumps, may fall to either side: `strays` of the
+ * covered ones. */
+static void compare(enum sv_cloud_form form, enum sv_density_kind kind, double tall, double strays)
+{
+    struct plane p;
+    struct sv_image image;
+    open_plane(form, kind, &p);
+    const struct sv_cloud_plane *plane = &p.cloud->planes[0];
+    struct sv_camera camera = facing(plane, tall);
+    struct sv_light light = fixture_light(200, 35);
+    draw(&p, form, &camera, &light, &image);
+    double px_m = camera.ortho_height_m / SIDE;
+    const float per_px[2] = {(float)(px_m / (2 * (double)(plane->half[0] * HEIGHT_M)) * SV_DENSITY_UV_SIDE),
+                             (float)(px_m / (2 * (double)(plane->half[1] * HEIGHT_M)) * SV_DENSITY_UV_SIDE)};
+    float lod = 0.5f * log2f(per_px[0] * per_px[1] / (SV_DENSITY_STEP * SV_DENSITY_STEP)) - 0.6f;
+    long covered = 0, off = 0;
+    double worst = 0, sum = 0;
+    for (int j = 0; j < SIDE; j++)
+        for (int i = 0; i < SIDE; i++) {
+            float st[2];
+            struct sv_density_look look;
+            double rgb[3], most = 0;
+            const uint8_t *got = (uint8_t *)image.data + 4 * (j * SIDE + i);
+            if (!place(&camera, plane, i, j, st))
+                continue;
+            if (kind == SV_DENSITY_PAPER)
+                sv_density_paper_look(&p.density, p.texels, p.leaf, 0, st[0], st[1], per_px, &look);
+            else
+                sv_density_plain_look(&p.density, &p.levels, p.sharp, 0, st[0], st[1], lod, &look);
+            lit(&look, plane, &light, rgb);
+            for (int c = 0; c < 3; c++)
+                most = fmax(most, fabs((double)sv_srgb8_from_linear((float)rgb[c]) - (double)got[c]));
+            most = fmax(most, fabs((double)(look.coverage * 255) - (double)got[3]));
+            covered += look.coverage > 0 || got[3] > 0;
+            off += most > 6;
+            worst = fmax(worst, most);
+            sum += most;
+        }
+    printf("%s, %.0f px: %ld px covered, %ld off by more than 6, worst %.0f, mean %.2f\n",
+           sv_cloud_form_name(form), tall, covered, off, worst, sum / fmax(1, (double)covered));
+    assert_true(covered > 60);
+    assert_true((double)off <= strays * (double)covered);
+    sv_image_free(&image);
+    close_plane(&p);
+}
+
+static void test_plain(void **state)
+{
+    (void)state;
+    static const double tall[] = {700, 190, 100, 60, 20};
+    for (size_t k = 0; k < sizeof tall / sizeof *tall; k++)
+        compare(SV_CLOUD_FORM_DENSITY, SV_DENSITY_PLAIN, tall[k], 0.01);
+}
+
+static void test_paper(void **state)
+{
+    (void)state;
+    static const double tall[] = {700, 190, 100};
+    for (size_t k = 0; k < sizeof tall / sizeof *tall; k++)
+        compare(SV_CLOUD_FORM_DENSITY_PAPER, SV_DENSITY_PAPER, tall[k], 0.04);
+}
+
+int main(void)
+{
+    struct sv_error error;
+    sv_color_init();
+    if (sv_gl_context_create(&context, &error) != SV_OK) {
+        fprintf(stderr, "no GL: %s\n", error.message);
+        return 1;
+    }
+    fixture_tree(500, 11, &mesh);
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_paper)};
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    sv_tree_mesh_finish(&mesh);
+    sv_gl_context_destroy(context);
+    return failed;
+}
