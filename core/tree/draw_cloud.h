@@ -22,7 +22,7 @@
 #include "core/tree/draw.h"
 #include "core/tree/draw_cull.h"
 
-enum sv_cloud_form { SV_CLOUD_FORM_BILLBOARD, SV_CLOUD_FORM_COUNT };
+enum sv_cloud_form { SV_CLOUD_FORM_BILLBOARD, SV_CLOUD_FORM_INDIRECT, SV_CLOUD_FORM_COUNT };
 
 struct sv_cloud_draw;
 

@@ -59,6 +59,7 @@ static const struct form FORMS[] = {
     {"polygon", draw_forest, bytes_forest, SV_TREE_FORM_POLYGON},
     {"impostor", draw_forest, bytes_forest, SV_TREE_FORM_IMPOSTOR},
     {"billboard", draw_cloud, bytes_cloud, SV_CLOUD_FORM_BILLBOARD},
+    {"indirect", draw_cloud, bytes_cloud, SV_CLOUD_FORM_INDIRECT},
 };
 enum { COUNT = sizeof FORMS / sizeof *FORMS };
 
