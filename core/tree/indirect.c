@@ -194,6 +194,7 @@ static void make_kinds(struct baker *b)
         box_step *= size_step > 0.5 ? 2 : 1;
     }
     b->out->kind_count = count;
+    b->out->kinds[0].half[0] = b->out->kinds[0].half[1] = 1; /* the shader divides by it */
     for (int k = 1; k < count; k++) {
         struct sv_indirect_kind *kind = &b->out->kinds[k];
         for (int c = 0; c < 2; c++) {

@@ -15,7 +15,7 @@
 #include "core/tree/billboard.h"
 
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_INDIRECT_KIND "indir1"
+#define SV_INDIRECT_KIND "indir2"
 
 enum { SV_INDIRECT_KINDS = 256, SV_INDIRECT_LEAF_SIDE = 256, SV_INDIRECT_LAYERS_MAX = 16 };
 

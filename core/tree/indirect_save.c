@@ -77,11 +77,11 @@ static bool header_sound(const struct file_header *h)
 static bool kinds_sound(const struct sv_indirect *t)
 {
     bool sound = true;
-    for (int k = 1; k < t->kind_count; k++) {
+    for (int k = 0; k < t->kind_count; k++) {
         const struct sv_indirect_kind *kind = &t->kinds[k];
         sound = sound && kind->half[0] > 0 && kind->half[0] <= 1e5f && kind->half[1] > 0 &&
                 kind->half[1] <= 1e5f && kind->reach >= 0 && kind->reach <= 1e6f && kind->layer >= 0 &&
-                kind->layer < (float)t->layer_count;
+                (k == 0 || kind->layer < (float)t->layer_count);
         for (int c = 0; c < 2; c++)
             sound = sound && fabsf(kind->uv_lo[c]) <= 1e7f && fabsf(kind->uv_hi[c]) <= 1e7f;
     }
