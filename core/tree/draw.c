@@ -246,6 +246,9 @@ static enum sv_cloud_form cloud_form(enum sv_tree_form form)
 {
     static const enum sv_cloud_form forms[SV_TREE_FORM_COUNT] = {
         [SV_TREE_FORM_BILLBOARD] = SV_CLOUD_FORM_BILLBOARD,
+        [SV_TREE_FORM_INDIRECT] = SV_CLOUD_FORM_INDIRECT,
+        [SV_TREE_FORM_DENSITY] = SV_CLOUD_FORM_DENSITY,
+        [SV_TREE_FORM_DENSITY_PAPER] = SV_CLOUD_FORM_DENSITY_PAPER,
     };
     return forms[form];
 }

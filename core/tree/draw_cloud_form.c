@@ -1,6 +1,7 @@
 #include "core/tree/draw_cloud_form.h"
 
 #include "core/tree/billboard.h"
+#include "core/tree/indirect.h"
 
 const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
     [SV_CLOUD_FORM_BILLBOARD] = {.name = "billboard",
@@ -21,6 +22,11 @@ const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
                                      .tested = true,
                                      .build = sv_form_density_paper_build,
                                      .upload = sv_form_density_paper_upload},
+    [SV_CLOUD_FORM_INDIRECT] = {.name = "indirect",
+                                .kind = SV_INDIRECT_KIND,
+                                .fragment = "tree_indirect.frag",
+                                .build = sv_form_indirect_build,
+                                .upload = sv_form_indirect_upload},
 };
 
 const char *sv_cloud_form_name(enum sv_cloud_form form)
