@@ -17,10 +17,11 @@
 enum {
     SV_SPRITE_CELL = 256, /* texels of level 0 a side of a frame's square cell */
     SV_SPRITE_LEVELS = 9, /* the last one has one texel a frame */
+    SV_SPRITE_BLOCKS = 16,
 };
 
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_SPRITE_KIND "spr1"
+#define SV_SPRITE_KIND "spr2"
 
 struct sv_sprite_texel {
     uint8_t rgb[3];    /* mean albedo of what covers (straight): 255 times the root of the linear value */
@@ -44,6 +45,9 @@ struct sv_sprite_smooth {
 struct sv_sprite_level {
     uint32_t texel_first, smooth_first;
     int32_t width, height;
+    /* What may be covered: the level with half of its border, width + 1 by height + 1 texels, is divided in 16 x 16
+     * blocks; bit 16 (j mod 2) + i of word j / 2: block (i, j) has a texel that covers, or lies beside one. */
+    uint32_t blocks[SV_SPRITE_BLOCKS / 2];
 };
 
 struct sv_sprite_frame {

@@ -130,12 +130,39 @@ static int held(int i, int count)
     return i < 0 ? 0 : i < count ? i : count - 1;
 }
 
+/* Texels, border counted, that filtering in block i of `count` + 1 texels may read: all between the block's edges,
+ * and one on. */
+static void block_range(int i, int count, int range[2])
+{
+    float step = (float)(count + 1) / SV_SPRITE_BLOCKS;
+    range[0] = held((int)floorf((float)i * step - 0.01f), count + 2);
+    range[1] = held((int)floorf((float)(i + 1) * step + 0.01f) + 1, count + 2);
+}
+
+static void put_blocks(const struct sv_sprite_atlas *atlas, struct sv_sprite_level *l)
+{
+    const struct sv_sprite_texel *texels = atlas->texels + l->texel_first;
+    for (int j = 0; j < SV_SPRITE_BLOCKS; j++)
+        for (int i = 0; i < SV_SPRITE_BLOCKS; i++) {
+            int u[2], v[2];
+            bool any = false;
+            block_range(i, l->width, u);
+            block_range(j, l->height, v);
+            for (int y = v[0]; y <= v[1]; y++)
+                for (int x = u[0]; x <= u[1]; x++)
+                    any |= texels[y * (l->width + 2) + x].coverage > 0;
+            l->blocks[j / 2] |= (uint32_t)any << (16 * (j % 2) + i);
+        }
+}
+
 static void put_level(struct bake *b, struct sv_sprite_frame *f, int k)
 {
     struct sv_sprite_level *l = &f->level[k];
     const struct sums *s = &b->sums[k], *half = &b->sums[k + 1];
-    *l = (struct sv_sprite_level){(uint32_t)b->out.texel_count, (uint32_t)b->out.smooth_count, s->width,
-                                  s->height};
+    *l = (struct sv_sprite_level){.texel_first = (uint32_t)b->out.texel_count,
+                                  .smooth_first = (uint32_t)b->out.smooth_count,
+                                  .width = s->width,
+                                  .height = s->height};
     struct sv_sprite_texel *t = b->out.texels + b->out.texel_count;
     for (int j = -1; j <= s->height; j++)
         for (int i = -1; i <= s->width; i++, t++) {
@@ -149,6 +176,7 @@ static void put_level(struct bake *b, struct sv_sprite_frame *f, int k)
     for (int j = -1; j <= half->height; j++)
         for (int i = -1; i <= half->width; i++, m++)
             *m = smooth_of(stand_in(b, k + 1, held(i, half->width), held(j, half->height)), f);
+    put_blocks(&b->out, l);
     b->out.texel_count = (size_t)(t - b->out.texels);
     b->out.smooth_count = (size_t)(m - b->out.smooth);
 }

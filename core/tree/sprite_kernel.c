@@ -108,11 +108,15 @@ static void show(const struct sv_sprite_light *light, const struct sv_sprite *s,
     if (!(p.z > 0 && p.z <= limit_z))
         return;
     float u = clamp(p.u, 0, s->u_max), v = clamp(p.v, 0, s->v_max);
-    int i = (int)u, j = (int)v;
-    float fu = u - (float)i, fv = v - (float)j;
-    out->alpha = coverage(s->texels + j * s->stride + i, s->stride, fu, fv) * s->weight;
+    int i = (int)(u + 0.5f), j = (int)(v + 0.5f);
+    float covered = (float)s->texels[j * s->stride + i].coverage;
+    if (s->between) {
+        int k = (int)u, l = (int)v;
+        covered = coverage(s->texels + l * s->stride + k, s->stride, u - (float)k, v - (float)l);
+    }
+    out->alpha = covered * s->weight;
     if (out->alpha > 0)
-        shade(light, s, i + (fu >= 0.5f), j + (fv >= 0.5f), u, v, keep, out);
+        shade(light, s, i, j, u, v, keep, out);
 }
 
 static void mark_hard(const struct sv_sprite_tree *tree, const struct shown *sum, size_t k,
@@ -140,6 +144,8 @@ static void draw_pixel(const struct sv_sprite_light *light, const struct sv_spri
                        struct sv_sprite_tile *tile, struct sv_sprite_hard *hard)
 {
     struct shown sum = {0, {0, 0, 0}, 0, {0, 0, 0}};
+    if (!(tile->pass[k] >= SV_SPRITE_PASS_MIN))
+        return;
     for (uint32_t n = 0; n < tree->count; n++) {
         struct shown one;
         show(light, &sprites[n], x, y, tile->z[k], tree->keep, &one);

@@ -28,11 +28,14 @@ struct sv_sprite {
     struct sv_sprite_affine u, v, c, u_depth, v_depth, z;
     float z_depth;
     float depth_first, depth_step; /* e = first + step * code */
+    float block_u, block_v; /* blocks a texel */
+    uint32_t blocks[SV_SPRITE_BLOCKS / 2];
     float u_max, v_max;            /* largest legal u, v: just below width + 1, height + 1 */
     const struct sv_sprite_texel *texels;
     const struct sv_sprite_smooth *smooth;
     int32_t stride, smooth_stride;
     bool move;    /* by depth; false: e is 0 */
+    bool between; /* coverage is taken between four texels; false: of the nearest */
     float weight; /* share of the tree's coverage / 255 */
     float near_z; /* least depth, m */
     /* Light. */
@@ -82,8 +85,9 @@ struct sv_sprite_state {
     float far_z; /* the farthest opaque depth, m; +infinity: sky */
 };
 
-/* Below this share nothing passes: 1/4 of a step of 8 bits. */
-#define SV_SPRITE_PASS_MIN (1.0f / 1024)
+/* Where less than this share still passes a pixel is closed: what would be seen there is taken to be as what was
+ * (sprite_resolve.c). Crowns let some light through everywhere: at 1/1024 a forest is drawn twice as deep. */
+#define SV_SPRITE_PASS_MIN (1.0f / 64)
 
 /* Draws trees into a tile, nearest first: order[k] indexes trees; picture of tree t: sprites[t.first ...].
  * hard may be NULL. */

@@ -50,7 +50,12 @@ void sv_sprite_tile_store(const struct sv_canvas *canvas, int columns, int rows,
             float pass = tile->pass[k];
             if (pass == 1)
                 continue;
-            const float gathered[3] = {tile->red[k], tile->green[k], tile->blue[k]};
+            float each = 1;
+            if (!(pass >= SV_SPRITE_PASS_MIN)) {
+                each = 1 / (1 - pass);
+                pass = 0;
+            }
+            const float gathered[3] = {each * tile->red[k], each * tile->green[k], each * tile->blue[k]};
             for (int c = 0; c < 3; c++)
                 p[c] = sv_srgb8_from_linear(gathered[c] + pass * sv_linear_from_srgb8[p[c]]);
             p[3] = (uint8_t)(255 * (1 - pass) + pass * (float)p[3] + 0.5f);

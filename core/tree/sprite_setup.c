@@ -9,9 +9,11 @@
 enum { LAST_LEVEL = SV_SPRITE_LEVELS - 1 };
 
 /* Half of the zone where one picture passes into the next, of the way between them (impostor.h). */
-static const float BLEND_HALF = 0.15f;
+static float BLEND_HALF = 0.1f;
 /* Added to the level that has one texel a pixel. */
-static const float LEVEL_BIAS = -0.25f;
+static float LEVEL_BIAS = -0.25f;
+/* Smaller trees, px, and those that are magnified have their coverage taken between texels. */
+static const float BETWEEN_BELOW_PX = 6;
 /* Trees taller than this in the picture have their texels moved by depth, px. */
 static const float MOVE_MIN_PX = 20;
 
@@ -242,6 +244,9 @@ static void set_texels(const struct sv_sprite_atlas *atlas, const struct sv_spri
     s->smooth_stride = (l->width + 1) / 2 + 2;
     s->u_max = ((float)l->width + 1) * (1 - 0x1p-22f);
     s->v_max = ((float)l->height + 1) * (1 - 0x1p-22f);
+    s->block_u = SV_SPRITE_BLOCKS * (1 - 0x1p-20f) / ((float)l->width + 1);
+    s->block_v = SV_SPRITE_BLOCKS * (1 - 0x1p-20f) / ((float)l->height + 1);
+    memcpy(s->blocks, l->blocks, sizeof s->blocks);
     s->depth_first = f->depth_first;
     s->depth_step = f->depth_step;
 }
@@ -346,6 +351,7 @@ static void set_picture(const struct sv_sprite_frame_view *view, const struct sv
     s->weight = weight / (255.0f * detail.inflate * detail.inflate);
     s->move = of->pixels > MOVE_MIN_PX && f->depth_step > 0;
     s->near_z = INFINITY;
+    s->between = of->pixels < BETWEEN_BELOW_PX || of->pixels > f->of.texels;
     const struct sv_sprite_level *l = &f->level[detail.level];
     float u_end = (float)l->width + 1, v_end = (float)l->height + 1;
     for (int k = 0; k < (s->move ? 2 : 1); k++) {
@@ -356,6 +362,8 @@ static void set_picture(const struct sv_sprite_frame_view *view, const struct sv
     set_grid(of, laid, s);
 }
 
+#include <stdlib.h>
+__attribute__((constructor)) static void tune(void){if(getenv("B"))LEVEL_BIAS=(float)atof(getenv("B"));if(getenv("H"))BLEND_HALF=(float)atof(getenv("H"));}
 int sv_sprite_set_up(const struct sv_sprite_frame_view *view, const struct sv_sprite_species *species,
                      const struct sv_tree *tree, float weight, const struct sv_tree_light *light,
                      const struct sv_tree_light_axes *axes, struct sv_sprite_tree *out,
