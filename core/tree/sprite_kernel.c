@@ -25,6 +25,12 @@ struct place {
     float u, v, z;
 };
 
+static const struct sv_sprite_smooth *smooth_at(const struct sv_sprite *s, int i, int j)
+{
+    int round = (1 << s->shift) - 1;
+    return &s->smooth[((j + round) >> s->shift) * s->smooth_stride + ((i + round) >> s->shift)];
+}
+
 static struct place locate(const struct sv_sprite *s, float x, float y)
 {
     float inverse = 1 / at(&s->c, x, y), u0 = at(&s->u, x, y), v0 = at(&s->v, x, y), z0 = at(&s->z, x, y);
@@ -32,7 +38,7 @@ static struct place locate(const struct sv_sprite *s, float x, float y)
     if (!s->move)
         return p;
     int i = (int)clamp(p.u, 0, s->u_max), j = (int)clamp(p.v, 0, s->v_max);
-    uint8_t code = s->smooth[((j + 1) >> 1) * s->smooth_stride + ((i + 1) >> 1)].depth;
+    uint8_t code = smooth_at(s, i, j)->depth;
     float e = s->depth_first + s->depth_step * (float)code;
     p.u = (u0 + at(&s->u_depth, x, y) * e) * inverse;
     p.v = (v0 + at(&s->v_depth, x, y) * e) * inverse;
@@ -72,16 +78,18 @@ static void shade(const struct sv_sprite_light *light, const struct sv_sprite *s
                   float v, float keep, struct shown *out)
 {
     const struct sv_sprite_texel *t = &s->texels[j * s->stride + i];
-    const struct sv_sprite_smooth *w = &s->smooth[((j + 1) >> 1) * s->smooth_stride + ((i + 1) >> 1)];
+    const struct sv_sprite_smooth *w = smooth_at(s, i, j);
     float *m = out->normal;
     for (int c = 0; c < 3; c++)
         m[c] = (float)t->normal[c] * (2.0f / 255.0f) - 1;
     float visible = s->open_at + s->open[0] * (float)w->open[0] + s->open[1] * (float)w->open[1] +
                     s->open[2] * (float)w->open[2] + s->open[3] * (float)w->open[3];
     visible = clamp(visible, 0, 1) * grid_light(s, u, v);
-    float sun = leaf_sun(m, s->sun, (float)t->translucency * (1.0f / 255.0f), s->gain) * visible;
+    float out_by = (float)t->prominence - 128;
+    visible = visible * fmaxf(1 + out_by * s->stand, 0);
+    float sun = leaf_sun(m, s->sun, (float)w->translucency * (1.0f / 255.0f), s->gain) * visible;
     float up = 0.5f + 0.5f * (m[1] * s->up[0] + m[2] * s->up[1]);
-    float occlusion = (float)w->occlusion * (1.0f / 255.0f);
+    float occlusion = (float)w->occlusion * (1.0f / 255.0f) * fmaxf(1 + out_by * s->stand_sky, 0);
     for (int c = 0; c < 3; c++) {
         float root = (float)t->rgb[c] * (1.0f / 255.0f);
         float ambient = (light->ground_rgb[c] + (light->sky_rgb[c] - light->ground_rgb[c]) * up) * occlusion;

@@ -69,9 +69,10 @@ static inline struct words pairs(const void *base, I index)
 
 static inline I smooth_index(const struct sv_sprite *s, I i, I j)
 {
-    const I one = _mm256_set1_epi32(1);
-    I si = _mm256_srli_epi32(_mm256_add_epi32(i, one), 1),
-      sj = _mm256_srli_epi32(_mm256_add_epi32(j, one), 1);
+    const I round = _mm256_set1_epi32((1 << s->shift) - 1);
+    const __m128i shift = _mm_cvtsi32_si128(s->shift);
+    I si = _mm256_srl_epi32(_mm256_add_epi32(i, round), shift);
+    I sj = _mm256_srl_epi32(_mm256_add_epi32(j, round), shift);
     return _mm256_add_epi32(_mm256_mullo_epi32(sj, _mm256_set1_epi32(s->smooth_stride)), si);
 }
 
@@ -164,9 +165,12 @@ static inline void shade(const struct sv_sprite_light *light, const struct sv_sp
     visible = add(visible, mul(set(s->open[2]), byte(w0, 3)));
     visible = add(visible, mul(set(s->open[3]), byte(w1, 0)));
     visible = mul(clamp(visible, _mm256_setzero_ps(), one), grid_light(s, u, v));
-    V sun = mul(leaf_sun(m, s->sun, mul(byte(high, 3), each), s->gain), visible);
+    V out_by = sub(byte(high, 3), set(128));
+    visible = mul(visible, _mm256_max_ps(add(one, mul(out_by, set(s->stand))), _mm256_setzero_ps()));
+    V sun = mul(leaf_sun(m, s->sun, mul(byte(w1, 2), each), s->gain), visible);
     V up = add(half, mul(half, add(mul(m[1], set(s->up[0])), mul(m[2], set(s->up[1])))));
-    V occlusion = mul(byte(w0, 0), each);
+    V occlusion = mul(mul(byte(w0, 0), each),
+                      _mm256_max_ps(add(one, mul(out_by, set(s->stand_sky))), _mm256_setzero_ps()));
     out->red = channel(light, 0, byte(low, 0), sun, up, occlusion, keep);
     out->green = channel(light, 1, byte(low, 1), sun, up, occlusion, keep);
     out->blue = channel(light, 2, byte(low, 2), sun, up, occlusion, keep);
