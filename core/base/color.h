@@ -19,6 +19,11 @@ static inline float sv_srgb_from_linear(float v)
 extern float sv_linear_from_srgb8[256];
 void sv_color_init(void);
 
+/* What vectors of sv_srgb8_from_linear read: code at the bottom of each of 4096 equal bins of 0..1, at most one below
+ * any value in it, and the smallest linear value of each code (the last: infinity). After sv_color_init. */
+extern int32_t sv_srgb8_bin[4097];
+extern float sv_srgb8_threshold[257];
+
 /* Linear light -> nearest 8-bit sRGB code; clamps; NaN gives 0. Exact to the nearest code (table + one compare). */
 uint8_t sv_srgb8_from_linear(float v);
 

@@ -27,7 +27,7 @@ struct sv_sprite_draw {
     int species_count;
     struct species *species;
     struct sv_sprite_species *known; /* a species each */
-    sv_sprite_kernel kernel;
+    const struct sv_sprite_steps *steps;
     /* Work space, kept from view to view. */
     struct sv_sprite_tree *trees;   /* BATCH */
     struct sv_sprite *sprites;      /* BATCH * FRAMES_MAX */
@@ -110,7 +110,7 @@ enum sv_status sv_sprite_draw_create(const struct sv_tree_draw_species *species,
     }
     sv_color_init();
     draw->species_count = species_count;
-    draw->kernel = sv_simd_level() >= SV_SIMD_AVX2 ? sv_sprite_kernel_avx2 : sv_sprite_kernel_scalar;
+    draw->steps = sv_simd_level() >= SV_SIMD_AVX2 ? &sv_sprite_avx2 : &sv_sprite_scalar;
     enum sv_status status = SV_OK;
     for (int k = 0; !status && k < species_count; k++) {
         struct species *s = &draw->species[k];
@@ -238,8 +238,8 @@ static void load_tile(struct slice *s, int t)
     struct sv_sprite_state *state = &draw->states[t];
     state->x0 = t % s->columns * SV_SPRITE_TILE;
     state->y0 = s->row_first + t / s->columns * SV_SPRITE_TILE;
-    sv_sprite_tile_load(s->canvas, s->view->camera, smaller(SV_SPRITE_TILE, s->canvas->width - state->x0),
-                        smaller(SV_SPRITE_TILE, s->row_end - state->y0), state, &draw->tiles[t]);
+    draw->steps->load(s->canvas, s->view->camera, smaller(SV_SPRITE_TILE, s->canvas->width - state->x0),
+                      smaller(SV_SPRITE_TILE, s->row_end - state->y0), state, &draw->tiles[t]);
     if (s->hard)
         memset(draw->hard[t].z, 0, sizeof draw->hard[t].z);
     draw->loaded[t] = true;
@@ -347,8 +347,8 @@ static void draw_tiles(struct slice *s)
         uint32_t first = draw->starts[t], end = draw->starts[t + 1];
         if (first == end)
             continue;
-        draw->kernel(&s->light, draw->trees, draw->sprites, draw->order + first, end - first,
-                     &draw->states[t], &draw->tiles[t], s->hard ? &draw->hard[t] : NULL);
+        draw->steps->draw(&s->light, draw->trees, draw->sprites, draw->order + first, end - first,
+                          &draw->states[t], &draw->tiles[t], s->hard ? &draw->hard[t] : NULL);
         s->open_tiles -= draw->states[t].open_groups == 0;
     }
 }
@@ -362,7 +362,7 @@ static void store_tiles(struct slice *s)
             continue;
         int columns = smaller(SV_SPRITE_TILE, s->canvas->width - state->x0);
         int rows = smaller(SV_SPRITE_TILE, s->row_end - state->y0);
-        sv_sprite_tile_store(s->canvas, columns, rows, state, &draw->tiles[t]);
+        draw->steps->store(s->canvas, columns, rows, state, &draw->tiles[t]);
         if (s->hard)
             sv_sprite_hard_store(s->canvas, s->view->camera, columns, rows, state, &draw->hard[t]);
     }

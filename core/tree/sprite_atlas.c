@@ -82,7 +82,9 @@ static bool frame_sound(const struct sv_sprite_frame *f, uint64_t texel_count, u
         if (w == 0)
             continue;
         if (l[k].texel_first + (w + 2) * (h + 2) > texel_count ||
-            l[k].smooth_first + ((w + 1) / 2 + 2) * ((h + 1) / 2 + 2) > smooth_count)
+            l[k].smooth_first + (uint64_t)sv_sprite_smooth_size(l[k].width, k) *
+                                    (uint64_t)sv_sprite_smooth_size(l[k].height, k) >
+                smooth_count)
             return false;
     }
     return true;

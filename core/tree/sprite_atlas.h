@@ -15,18 +15,21 @@
 #include "core/tree/impostor.h"
 
 enum {
-    SV_SPRITE_CELL = 256, /* texels of level 0 a side of a frame's square cell */
-    SV_SPRITE_LEVELS = 9, /* the last one has one texel a frame */
+    SV_SPRITE_PROMINENCE = 40, /* steps an rms */
+    SV_SPRITE_CELL = 256,      /* texels of level 0 a side of a frame's square cell */
+    SV_SPRITE_LEVELS = 9,      /* the last one has one texel a frame */
+    SV_SPRITE_BLOCKS = 16,
 };
 
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_SPRITE_KIND "spr1"
+#define SV_SPRITE_KIND "spr3"
 
 struct sv_sprite_texel {
-    uint8_t rgb[3];    /* mean albedo of what covers (straight): 255 times the root of the linear value */
-    uint8_t coverage;  /* 255 times the share */
-    uint8_t normal[3]; /* mean unit normal, turned to the viewer: 127.5 + 127.5 (right, up, toward) */
-    uint8_t translucency;
+    uint8_t rgb[3];     /* mean albedo of what covers (straight): 255 times the root of the linear value */
+    uint8_t coverage;   /* 255 times the share */
+    uint8_t normal[3];  /* mean unit normal, turned to the viewer: 127.5 + 127.5 (right, up, toward) */
+    uint8_t prominence; /* 128 + PROMINENCE times how far it stands out of the crown about it, in rms of its
+                           frame */
 };
 
 struct sv_sprite_smooth {
@@ -34,16 +37,30 @@ struct sv_sprite_smooth {
     uint8_t
         open[4]; /* mean openness to the sun (mesh.h): slope along the model's axes, 127.5 + 127.5 s; mean */
     uint8_t depth; /* towards the viewer, off the frame's plane: first + step * code */
-    uint8_t unused[2];
+    uint8_t translucency;
+    uint8_t unused;
 };
 
-/* Texel (i, j) of a level, i in -1 .. width, j in -1 .. height (border), is texels[texel_first + (j + 1)
- * (width
- * + 2) + i + 1]. Its smooth values are at smooth[smooth_first + (j' + 1) ((width + 1) / 2 + 2) + i' + 1], i'
- * = floor(i / 2), j' likewise. */
+/* Texel (i, j) of a level, i in -1 .. width, j in -1 .. height (border), is texel texel_first + (j + 1)
+ * (width + 2) + i + 1. What is smooth there is at smooth_first + (j' + 1) sv_sprite_smooth_size(width, level)
+ * + i' + 1 with i' = floor(i / 2^sv_sprite_shift(level)), j' likewise. */
+static inline int sv_sprite_shift(int level)
+{
+    return level < 2 ? 2 : 1;
+}
+/* Smooth texels, border counted, along a side of `size` texels. */
+static inline int sv_sprite_smooth_size(int size, int level)
+{
+    int shift = sv_sprite_shift(level);
+    return ((size + (1 << shift) - 1) >> shift) + 2;
+}
 struct sv_sprite_level {
     uint32_t texel_first, smooth_first;
     int32_t width, height;
+    /* What may be covered: the level with half of its border, width + 1 by height + 1 texels, is divided in
+     * 16 x 16 blocks; bit 16 (j mod 2) + i of word j / 2: block (i, j) has a texel that covers, or lies
+     * beside one. */
+    uint32_t blocks[SV_SPRITE_BLOCKS / 2];
 };
 
 struct sv_sprite_frame {

@@ -8,7 +8,7 @@
 #include "core/tree/impostor_guess.h"
 #include "core/tree/sprite_atlas.h"
 
-enum { SUB = 3, SUMS = SV_SPRITE_LEVELS + 1 };
+enum { SUB = 3, SUMS = SV_SPRITE_LEVELS + 1, ABOUT = 3 };
 
 /* Sums of one level. */
 struct sums {
@@ -22,6 +22,8 @@ struct bake {
     size_t texel_room, smooth_room;
     struct sv_frame_bake frame;
     struct sv_frame_texel *work;
+    float
+        *prominent[SV_SPRITE_LEVELS]; /* sums of prominence, a texel each of each level; [0] holds them all */
     struct sums sums[SUMS];
     struct sv_guess_table table;
 };
@@ -89,7 +91,56 @@ static void depth_range(const struct sums *s, struct sv_sprite_frame *f)
     f->depth_step = lo < hi ? (hi - lo) / 255 : 0;
 }
 
-static struct sv_sprite_texel texel_of(const struct sv_frame_texel *t, float samples)
+/* Mean depth of what is about texel (i, j): between the sums of level ABOUT, by what they hold. */
+static float depth_about(const struct sums *s, int i, int j)
+{
+    float x = ((float)i + 0.5f) / (1 << ABOUT) - 0.5f, y = ((float)j + 0.5f) / (1 << ABOUT) - 0.5f;
+    float bx = floorf(x), by = floorf(y), depth = 0, weight = 0;
+    for (int k = 0; k < 4; k++) {
+        int u = (int)bx + (k & 1), v = (int)by + (k >> 1);
+        if (u < 0 || v < 0 || u >= s->width || v >= s->height)
+            continue;
+        const struct sv_frame_texel *t = &s->texels[(size_t)v * (size_t)s->width + (size_t)u];
+        float share = (k & 1 ? x - bx : 1 - (x - bx)) * (k >> 1 ? y - by : 1 - (y - by));
+        depth += share * t->depth;
+        weight += share * t->count;
+    }
+    return weight > 0 ? depth / weight : 0;
+}
+
+/* How far texels stand out, summed up to all levels as the rest is, in rms of level 0. */
+static void sum_prominence(struct bake *b)
+{
+    const struct sums *fine = &b->sums[0];
+    float *at = b->prominent[0];
+    double square = 0, count = 0;
+    for (int k = 0; k < SV_SPRITE_LEVELS; k++) {
+        size_t texels = (size_t)b->sums[k].width * (size_t)b->sums[k].height;
+        b->prominent[k] = at;
+        memset(at, 0, texels * sizeof *at);
+        at += texels;
+    }
+    for (int j = 0; j < fine->height; j++)
+        for (int i = 0; i < fine->width; i++) {
+            size_t k = (size_t)j * (size_t)fine->width + (size_t)i;
+            const struct sv_frame_texel *t = &fine->texels[k];
+            if (!(t->count > 0))
+                continue;
+            float out = t->depth / t->count - depth_about(&b->sums[ABOUT], i, j);
+            b->prominent[0][k] = out * t->count;
+            square += (double)(out * out * t->count);
+            count += (double)t->count;
+        }
+    float each = square > 0 ? (float)(1 / sqrt(square / count)) : 0;
+    for (int j = 0; j < fine->height; j++)
+        for (int i = 0; i < fine->width; i++) {
+            float out = b->prominent[0][(size_t)j * (size_t)fine->width + (size_t)i] *= each;
+            for (int k = 1; k < SV_SPRITE_LEVELS; k++)
+                b->prominent[k][(size_t)(j >> k) * (size_t)b->sums[k].width + (size_t)(i >> k)] += out;
+        }
+}
+
+static struct sv_sprite_texel texel_of(const struct sv_frame_texel *t, float samples, float prominence)
 {
     struct sv_sprite_texel out;
     float each = 1 / t->count;
@@ -98,30 +149,34 @@ static struct sv_sprite_texel texel_of(const struct sv_frame_texel *t, float sam
         out.normal[c] = code(127.5f + 127.5f * t->normal[c] * each);
     }
     out.coverage = code(255 * t->count / samples);
-    out.translucency = code(255 * t->translucency * each);
+    out.prominence = code(128 + SV_SPRITE_PROMINENCE * prominence * each);
     return out;
 }
 
 static struct sv_sprite_smooth smooth_of(const struct sv_frame_texel *t, const struct sv_sprite_frame *f)
 {
-    struct sv_sprite_smooth out = {.unused = {0, 0}};
+    struct sv_sprite_smooth out = {.unused = 0};
     float each = 1 / t->count;
     out.occlusion = code(255 * t->occlusion * each);
     for (int c = 0; c < 3; c++)
         out.open[c] = code(127.5f + 127.5f * t->open[c] * each);
     out.open[3] = code(255 * t->open[3] * each);
+    out.translucency = code(255 * t->translucency * each);
     out.depth = f->depth_step > 0 ? code((t->depth * each - f->depth_first) / f->depth_step) : 0;
     return out;
 }
 
 /* Sums that stand for texel (i, j) of level k: its own, or those of the finest coarser one that shows
  * something. */
-static const struct sv_frame_texel *stand_in(const struct bake *b, int k, int i, int j)
+static const struct sv_frame_texel *stand_in(const struct bake *b, int k, int i, int j, float *prominence)
 {
     for (;; k++, i /= 2, j /= 2) {
-        const struct sv_frame_texel *t = &b->sums[k].texels[(size_t)j * (size_t)b->sums[k].width + (size_t)i];
-        if (t->count > 0 || k == SUMS - 1)
-            return t;
+        size_t at = (size_t)j * (size_t)b->sums[k].width + (size_t)i;
+        const struct sv_frame_texel *t = &b->sums[k].texels[at];
+        if (!(t->count > 0) && k < SUMS - 1)
+            continue;
+        *prominence = k < SV_SPRITE_LEVELS ? b->prominent[k][at] : 0;
+        return t;
     }
 }
 
@@ -130,25 +185,56 @@ static int held(int i, int count)
     return i < 0 ? 0 : i < count ? i : count - 1;
 }
 
+/* Texels, border counted, that filtering in block i of `count` + 1 texels may read: all between the block's
+ * edges, and one on. */
+static void block_range(int i, int count, int range[2])
+{
+    float step = (float)(count + 1) / SV_SPRITE_BLOCKS;
+    range[0] = held((int)floorf((float)i * step - 0.01f), count + 2);
+    range[1] = held((int)floorf((float)(i + 1) * step + 0.01f) + 1, count + 2);
+}
+
+static void put_blocks(const struct sv_sprite_atlas *atlas, struct sv_sprite_level *l)
+{
+    const struct sv_sprite_texel *texels = atlas->texels + l->texel_first;
+    for (int j = 0; j < SV_SPRITE_BLOCKS; j++)
+        for (int i = 0; i < SV_SPRITE_BLOCKS; i++) {
+            int u[2], v[2];
+            bool any = false;
+            block_range(i, l->width, u);
+            block_range(j, l->height, v);
+            for (int y = v[0]; y <= v[1]; y++)
+                for (int x = u[0]; x <= u[1]; x++)
+                    any |= texels[y * (l->width + 2) + x].coverage > 0;
+            l->blocks[j / 2] |= (uint32_t)any << (16 * (j % 2) + i);
+        }
+}
+
 static void put_level(struct bake *b, struct sv_sprite_frame *f, int k)
 {
     struct sv_sprite_level *l = &f->level[k];
-    const struct sums *s = &b->sums[k], *half = &b->sums[k + 1];
-    *l = (struct sv_sprite_level){(uint32_t)b->out.texel_count, (uint32_t)b->out.smooth_count, s->width,
-                                  s->height};
+    int smooth = k + sv_sprite_shift(k) < SUMS ? k + sv_sprite_shift(k) : SUMS - 1;
+    const struct sums *s = &b->sums[k], *half = &b->sums[smooth];
+    float prominence;
+    *l = (struct sv_sprite_level){.texel_first = (uint32_t)b->out.texel_count,
+                                  .smooth_first = (uint32_t)b->out.smooth_count,
+                                  .width = s->width,
+                                  .height = s->height};
     struct sv_sprite_texel *t = b->out.texels + b->out.texel_count;
     for (int j = -1; j <= s->height; j++)
         for (int i = -1; i <= s->width; i++, t++) {
             int ci = held(i, s->width), cj = held(j, s->height);
             const struct sv_frame_texel *own = &s->texels[(size_t)cj * (size_t)s->width + (size_t)ci];
-            *t = texel_of(stand_in(b, k, ci, cj), s->samples);
+            const struct sv_frame_texel *from = stand_in(b, k, ci, cj, &prominence);
+            *t = texel_of(from, s->samples, prominence);
             if (ci != i || cj != j || !(own->count > 0))
                 t->coverage = 0;
         }
     struct sv_sprite_smooth *m = b->out.smooth + b->out.smooth_count;
     for (int j = -1; j <= half->height; j++)
         for (int i = -1; i <= half->width; i++, m++)
-            *m = smooth_of(stand_in(b, k + 1, held(i, half->width), held(j, half->height)), f);
+            *m = smooth_of(stand_in(b, smooth, held(i, half->width), held(j, half->height), &prominence), f);
+    put_blocks(&b->out, l);
     b->out.texel_count = (size_t)(t - b->out.texels);
     b->out.smooth_count = (size_t)(m - b->out.smooth);
 }
@@ -208,6 +294,7 @@ static enum sv_status bake_frame(struct bake *b, int index, struct sv_error *err
         return SV_OK;
     sum_levels(b, f);
     depth_range(&b->sums[1], f);
+    sum_prominence(b);
     for (int k = 0; k < SV_SPRITE_LEVELS; k++) {
         put_level(b, f, k);
         put_guess(b, f, k);
@@ -231,9 +318,12 @@ enum sv_status sv_sprite_atlas_bake(const struct sv_tree_mesh *mesh, struct sv_s
     size_t texels = 0;
     for (int k = 0; k < SUMS; k++)
         texels += (size_t)(SV_SPRITE_CELL >> k) * (size_t)(SV_SPRITE_CELL >> k) + 4;
-    if (b)
+    if (b) {
         b->work = malloc(texels * sizeof *b->work);
-    if (!b || !b->work) {
+        b->prominent[0] = malloc(texels * sizeof *b->prominent[0]);
+    }
+    if (!b || !b->work || !b->prominent[0]) {
+        free(b ? b->work : NULL);
         free(b);
         return sv_fail(error, SV_ENOMEM, "sprite", "no memory to bake %zu texels", texels);
     }
@@ -249,6 +339,7 @@ enum sv_status sv_sprite_atlas_bake(const struct sv_tree_mesh *mesh, struct sv_s
         *atlas = b->out;
     }
     free(b->work);
+    free(b->prominent[0]);
     free(b);
     return status;
 }

@@ -25,6 +25,12 @@ struct place {
     float u, v, z;
 };
 
+static const struct sv_sprite_smooth *smooth_at(const struct sv_sprite *s, int i, int j)
+{
+    int round = (1 << s->shift) - 1;
+    return &s->smooth[((j + round) >> s->shift) * s->smooth_stride + ((i + round) >> s->shift)];
+}
+
 static struct place locate(const struct sv_sprite *s, float x, float y)
 {
     float inverse = 1 / at(&s->c, x, y), u0 = at(&s->u, x, y), v0 = at(&s->v, x, y), z0 = at(&s->z, x, y);
@@ -32,7 +38,7 @@ static struct place locate(const struct sv_sprite *s, float x, float y)
     if (!s->move)
         return p;
     int i = (int)clamp(p.u, 0, s->u_max), j = (int)clamp(p.v, 0, s->v_max);
-    uint8_t code = s->smooth[((j + 1) >> 1) * s->smooth_stride + ((i + 1) >> 1)].depth;
+    uint8_t code = smooth_at(s, i, j)->depth;
     float e = s->depth_first + s->depth_step * (float)code;
     p.u = (u0 + at(&s->u_depth, x, y) * e) * inverse;
     p.v = (v0 + at(&s->v_depth, x, y) * e) * inverse;
@@ -72,16 +78,18 @@ static void shade(const struct sv_sprite_light *light, const struct sv_sprite *s
                   float v, float keep, struct shown *out)
 {
     const struct sv_sprite_texel *t = &s->texels[j * s->stride + i];
-    const struct sv_sprite_smooth *w = &s->smooth[((j + 1) >> 1) * s->smooth_stride + ((i + 1) >> 1)];
+    const struct sv_sprite_smooth *w = smooth_at(s, i, j);
     float *m = out->normal;
     for (int c = 0; c < 3; c++)
         m[c] = (float)t->normal[c] * (2.0f / 255.0f) - 1;
     float visible = s->open_at + s->open[0] * (float)w->open[0] + s->open[1] * (float)w->open[1] +
                     s->open[2] * (float)w->open[2] + s->open[3] * (float)w->open[3];
     visible = clamp(visible, 0, 1) * grid_light(s, u, v);
-    float sun = leaf_sun(m, s->sun, (float)t->translucency * (1.0f / 255.0f), s->gain) * visible;
+    float out_by = (float)t->prominence - 128;
+    visible = visible * fmaxf(1 + out_by * s->stand, 0);
+    float sun = leaf_sun(m, s->sun, (float)w->translucency * (1.0f / 255.0f), s->gain) * visible;
     float up = 0.5f + 0.5f * (m[1] * s->up[0] + m[2] * s->up[1]);
-    float occlusion = (float)w->occlusion * (1.0f / 255.0f);
+    float occlusion = (float)w->occlusion * (1.0f / 255.0f) * fmaxf(1 + out_by * s->stand_sky, 0);
     for (int c = 0; c < 3; c++) {
         float root = (float)t->rgb[c] * (1.0f / 255.0f);
         float ambient = (light->ground_rgb[c] + (light->sky_rgb[c] - light->ground_rgb[c]) * up) * occlusion;
@@ -108,11 +116,15 @@ static void show(const struct sv_sprite_light *light, const struct sv_sprite *s,
     if (!(p.z > 0 && p.z <= limit_z))
         return;
     float u = clamp(p.u, 0, s->u_max), v = clamp(p.v, 0, s->v_max);
-    int i = (int)u, j = (int)v;
-    float fu = u - (float)i, fv = v - (float)j;
-    out->alpha = coverage(s->texels + j * s->stride + i, s->stride, fu, fv) * s->weight;
+    int i = (int)(u + 0.5f), j = (int)(v + 0.5f);
+    float covered = (float)s->texels[j * s->stride + i].coverage;
+    if (s->between) {
+        int k = (int)u, l = (int)v;
+        covered = coverage(s->texels + l * s->stride + k, s->stride, u - (float)k, v - (float)l);
+    }
+    out->alpha = covered * s->weight;
     if (out->alpha > 0)
-        shade(light, s, i + (fu >= 0.5f), j + (fv >= 0.5f), u, v, keep, out);
+        shade(light, s, i, j, u, v, keep, out);
 }
 
 static void mark_hard(const struct sv_sprite_tree *tree, const struct shown *sum, size_t k,
@@ -140,6 +152,8 @@ static void draw_pixel(const struct sv_sprite_light *light, const struct sv_spri
                        struct sv_sprite_tile *tile, struct sv_sprite_hard *hard)
 {
     struct shown sum = {0, {0, 0, 0}, 0, {0, 0, 0}};
+    if (!(tile->pass[k] >= SV_SPRITE_PASS_MIN))
+        return;
     for (uint32_t n = 0; n < tree->count; n++) {
         struct shown one;
         show(light, &sprites[n], x, y, tile->z[k], tree->keep, &one);

@@ -51,11 +51,28 @@ static inline I word(const void *base, int n, I index)
     return _mm256_i32gather_epi32((const int *)base + n, index, 8);
 }
 
+/* Both words of 8 texels: 4 loads of 64 bits at a time. */
+struct words {
+    I first, second;
+};
+
+static inline struct words pairs(const void *base, I index)
+{
+    I a = _mm256_i32gather_epi64((const long long *)base, _mm256_castsi256_si128(index), 8);
+    I b = _mm256_i32gather_epi64((const long long *)base, _mm256_extracti128_si256(index, 1), 8);
+    V low = _mm256_shuffle_ps(_mm256_castsi256_ps(a), _mm256_castsi256_ps(b), 0x88);
+    V high = _mm256_shuffle_ps(_mm256_castsi256_ps(a), _mm256_castsi256_ps(b), 0xDD);
+    /* Lanes 0 1 4 5 2 3 6 7, as pairs: the middle ones change places. */
+    return (struct words){_mm256_permute4x64_epi64(_mm256_castps_si256(low), 0xD8),
+                          _mm256_permute4x64_epi64(_mm256_castps_si256(high), 0xD8)};
+}
+
 static inline I smooth_index(const struct sv_sprite *s, I i, I j)
 {
-    const I one = _mm256_set1_epi32(1);
-    I si = _mm256_srli_epi32(_mm256_add_epi32(i, one), 1),
-      sj = _mm256_srli_epi32(_mm256_add_epi32(j, one), 1);
+    const I round = _mm256_set1_epi32((1 << s->shift) - 1);
+    const __m128i shift = _mm_cvtsi32_si128(s->shift);
+    I si = _mm256_srl_epi32(_mm256_add_epi32(i, round), shift);
+    I sj = _mm256_srl_epi32(_mm256_add_epi32(j, round), shift);
     return _mm256_add_epi32(_mm256_mullo_epi32(sj, _mm256_set1_epi32(s->smooth_stride)), si);
 }
 
@@ -135,13 +152,11 @@ static inline V channel(const struct sv_sprite_light *light, int c, V root, V su
     return add(set(light->air_rgb[c]), mul(sub(lit, set(light->air_rgb[c])), set(keep)));
 }
 
-/* low: the nearest texel's first word; at: its second's index. */
-static inline void shade(const struct sv_sprite_light *light, const struct sv_sprite *s, I low, I at_texel,
-                         I at_smooth, V u, V v, float keep, struct shown *out)
+static inline void shade(const struct sv_sprite_light *light, const struct sv_sprite *s, struct words texel,
+                         struct words smooth, V u, V v, float keep, struct shown *out)
 {
+    I low = texel.first, high = texel.second, w0 = smooth.first, w1 = smooth.second;
     const V each = set(1.0f / 255.0f), one = set(1), half = set(0.5f);
-    I high = word(s->texels, 1, at_texel), w0 = word(s->smooth, 0, at_smooth),
-      w1 = word(s->smooth, 1, at_smooth);
     V *m = out->normal;
     for (int c = 0; c < 3; c++)
         m[c] = sub(mul(byte(high, c), set(2.0f / 255.0f)), one);
@@ -150,12 +165,49 @@ static inline void shade(const struct sv_sprite_light *light, const struct sv_sp
     visible = add(visible, mul(set(s->open[2]), byte(w0, 3)));
     visible = add(visible, mul(set(s->open[3]), byte(w1, 0)));
     visible = mul(clamp(visible, _mm256_setzero_ps(), one), grid_light(s, u, v));
-    V sun = mul(leaf_sun(m, s->sun, mul(byte(high, 3), each), s->gain), visible);
+    V out_by = sub(byte(high, 3), set(128));
+    visible = mul(visible, _mm256_max_ps(add(one, mul(out_by, set(s->stand))), _mm256_setzero_ps()));
+    V sun = mul(leaf_sun(m, s->sun, mul(byte(w1, 2), each), s->gain), visible);
     V up = add(half, mul(half, add(mul(m[1], set(s->up[0])), mul(m[2], set(s->up[1])))));
-    V occlusion = mul(byte(w0, 0), each);
+    V occlusion = mul(mul(byte(w0, 0), each),
+                      _mm256_max_ps(add(one, mul(out_by, set(s->stand_sky))), _mm256_setzero_ps()));
     out->red = channel(light, 0, byte(low, 0), sun, up, occlusion, keep);
     out->green = channel(light, 1, byte(low, 1), sun, up, occlusion, keep);
     out->blue = channel(light, 2, byte(low, 2), sun, up, occlusion, keep);
+}
+
+/* Between four texels. */
+static inline V coverage(const struct sv_sprite *s, V u, V v)
+{
+    I i = _mm256_cvttps_epi32(u), j = _mm256_cvttps_epi32(v);
+    V fu = sub(u, _mm256_cvtepi32_ps(i)), fv = sub(v, _mm256_cvtepi32_ps(j));
+    I index = _mm256_add_epi32(_mm256_mullo_epi32(j, _mm256_set1_epi32(s->stride)), i);
+    const struct sv_sprite_texel *next = s->texels + s->stride;
+    V a = byte(word(s->texels, 0, index), 3), b = byte(word(s->texels, 2, index), 3);
+    V c = byte(word(next, 0, index), 3), d = byte(word(next, 2, index), 3);
+    V above = add(a, mul(sub(b, a), fu)), below = add(c, mul(sub(d, c), fu));
+    return add(above, mul(sub(below, above), fv));
+}
+
+/* Lanes that lie in blocks where something may be covered (sprite_atlas.h). */
+static inline V in_block(const struct sv_sprite *s, V u, V v)
+{
+    I i = _mm256_cvttps_epi32(mul(u, set(s->block_u))), j = _mm256_cvttps_epi32(mul(v, set(s->block_v)));
+    I bit = _mm256_or_si256(_mm256_slli_epi32(j, 4), i);
+    I rows = _mm256_permutevar8x32_epi32(_mm256_loadu_si256((const I *)s->blocks), _mm256_srli_epi32(bit, 5));
+    I shifted = _mm256_srlv_epi32(rows, _mm256_and_si256(bit, _mm256_set1_epi32(31)));
+    I one = _mm256_set1_epi32(1);
+    return _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(shifted, one), one));
+}
+
+/* Asks for the texels of the rows to come: a picture's first row comes out of memory late enough. */
+static inline void prefetch(const struct sv_sprite *s, I index)
+{
+    const char *ahead = (const char *)(s->texels + 3 * s->stride);
+    long first = _mm_cvtsi128_si32(_mm256_castsi256_si128(index));
+    long last = _mm_extract_epi32(_mm256_extracti128_si256(index, 1), 3);
+    _mm_prefetch(ahead + 8 * first, _MM_HINT_T0);
+    _mm_prefetch(ahead + 8 * last, _MM_HINT_T0);
 }
 
 /* False when no lane shows anything. */
@@ -166,27 +218,19 @@ static inline bool show(const struct sv_sprite_light *light, const struct sv_spr
     struct place p = locate(s, x, y);
     V seen = _mm256_and_ps(_mm256_cmp_ps(p.z, none, _CMP_GT_OQ), _mm256_cmp_ps(p.z, limit_z, _CMP_LE_OQ));
     V u = clamp(p.u, none, set(s->u_max)), v = clamp(p.v, none, set(s->v_max));
-    I i = _mm256_cvttps_epi32(u), j = _mm256_cvttps_epi32(v), stride = _mm256_set1_epi32(s->stride);
-    V fu = sub(u, _mm256_cvtepi32_ps(i)), fv = sub(v, _mm256_cvtepi32_ps(j));
-    I index = _mm256_add_epi32(_mm256_mullo_epi32(j, stride), i);
-    I t00 = word(s->texels, 0, index), t10 = word(s->texels, 2, index);
-    const struct sv_sprite_texel *next = s->texels + s->stride;
-    I t01 = word(next, 0, index), t11 = word(next, 2, index);
-    V a = byte(t00, 3), c = byte(t01, 3);
-    V above = add(a, mul(sub(byte(t10, 3), a), fu)), below = add(c, mul(sub(byte(t11, 3), c), fu));
-    V alpha = mul(add(above, mul(sub(below, above), fv)), set(s->weight));
-    out->alpha = _mm256_and_ps(alpha, seen);
+    seen = _mm256_and_ps(seen, in_block(s, u, v));
+    if (_mm256_movemask_ps(seen) == 0)
+        return false;
+    I i = _mm256_cvttps_epi32(add(u, half)), j = _mm256_cvttps_epi32(add(v, half));
+    I index = _mm256_add_epi32(_mm256_mullo_epi32(j, _mm256_set1_epi32(s->stride)), i);
+    prefetch(s, index);
+    struct words texel = pairs(s->texels, index);
+    V covered = s->between ? coverage(s, u, v) : byte(texel.first, 3);
+    out->alpha = _mm256_and_ps(mul(covered, set(s->weight)), seen);
     out->z = _mm256_and_ps(p.z, seen);
     if (_mm256_movemask_ps(_mm256_cmp_ps(out->alpha, none, _CMP_GT_OQ)) == 0)
         return false;
-    V right = _mm256_cmp_ps(fu, half, _CMP_GE_OQ), down = _mm256_cmp_ps(fv, half, _CMP_GE_OQ);
-    V low =
-        _mm256_blendv_ps(_mm256_blendv_ps(_mm256_castsi256_ps(t00), _mm256_castsi256_ps(t10), right),
-                         _mm256_blendv_ps(_mm256_castsi256_ps(t01), _mm256_castsi256_ps(t11), right), down);
-    i = _mm256_sub_epi32(i, _mm256_castps_si256(right)); /* true is -1 */
-    j = _mm256_sub_epi32(j, _mm256_castps_si256(down));
-    I at_texel = _mm256_add_epi32(_mm256_mullo_epi32(j, stride), i);
-    shade(light, s, _mm256_castps_si256(low), at_texel, smooth_index(s, i, j), u, v, keep, out);
+    shade(light, s, texel, pairs(s->smooth, smooth_index(s, i, j)), u, v, keep, out);
     return true;
 }
 
@@ -229,7 +273,8 @@ static inline bool draw_group(const struct sv_sprite_light *light, const struct 
 {
     const V none = _mm256_setzero_ps();
     struct shown sum = {none, none, none, none, none, {none, none, none}};
-    V limit_z = _mm256_loadu_ps(tile->z + k);
+    V pass = _mm256_loadu_ps(tile->pass + k), open = _mm256_cmp_ps(pass, set(SV_SPRITE_PASS_MIN), _CMP_GE_OQ);
+    V limit_z = _mm256_and_ps(_mm256_loadu_ps(tile->z + k), open); /* 0: nothing is in front of it */
     bool any = false;
     for (uint32_t n = 0; n < tree->count; n++) {
         struct shown one;
@@ -247,7 +292,6 @@ static inline bool draw_group(const struct sv_sprite_light *light, const struct 
     }
     if (!any)
         return true;
-    V pass = _mm256_loadu_ps(tile->pass + k);
     V left = mul(pass, sub(set(1), _mm256_min_ps(sum.alpha, set(1))));
     _mm256_storeu_ps(tile->red + k, add(_mm256_loadu_ps(tile->red + k), mul(pass, sum.red)));
     _mm256_storeu_ps(tile->green + k, add(_mm256_loadu_ps(tile->green + k), mul(pass, sum.green)));

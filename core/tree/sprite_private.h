@@ -28,15 +28,19 @@ struct sv_sprite {
     struct sv_sprite_affine u, v, c, u_depth, v_depth, z;
     float z_depth;
     float depth_first, depth_step; /* e = first + step * code */
-    float u_max, v_max;            /* largest legal u, v: just below width + 1, height + 1 */
+    float block_u, block_v;        /* blocks a texel */
+    uint32_t blocks[SV_SPRITE_BLOCKS / 2];
+    float u_max, v_max; /* largest legal u, v: just below width + 1, height + 1 */
     const struct sv_sprite_texel *texels;
     const struct sv_sprite_smooth *smooth;
-    int32_t stride, smooth_stride;
-    bool move;    /* by depth; false: e is 0 */
-    float weight; /* share of the tree's coverage / 255 */
-    float near_z; /* least depth, m */
+    int32_t stride, smooth_stride, shift; /* shift: sv_sprite_shift */
+    bool move;                            /* by depth; false: e is 0 */
+    bool between;                         /* coverage is taken between four texels; false: of the nearest */
+    float weight;                         /* share of the tree's coverage / 255 */
+    float near_z;                         /* least depth, m */
     /* Light. */
     float sun[3], gain;      /* to the sun in the picture's axes */
+    float stand, stand_sky;  /* by how much sun and sky light up what stands out, a step of prominence */
     float up[2];             /* world up along the picture's up and toward */
     float open[4], open_at;  /* share of sun that passes the crown = open . code + open_at */
     float column[3], row[3]; /* coordinates on the grid of light: by u, by v, at 0 */
@@ -82,8 +86,10 @@ struct sv_sprite_state {
     float far_z; /* the farthest opaque depth, m; +infinity: sky */
 };
 
-/* Below this share nothing passes: 1/4 of a step of 8 bits. */
-#define SV_SPRITE_PASS_MIN (1.0f / 1024)
+/* Where less than this share still passes a pixel is closed: what would be seen there is taken to be as what
+ * was (sprite_resolve.c). Crowns let some light through everywhere: at 1/1024 a forest is drawn twice as
+ * deep. */
+#define SV_SPRITE_PASS_MIN (1.0f / 64)
 
 /* Draws trees into a tile, nearest first: order[k] indexes trees; picture of tree t: sprites[t.first ...].
  * hard may be NULL. */
@@ -129,10 +135,29 @@ int sv_sprite_set_up(const struct sv_sprite_frame_view *view, const struct sv_sp
                      struct sv_sprite sprites[SV_SPRITE_FRAMES_MAX]);
 
 /* sprite_resolve.c: canvas to tile and back. columns, rows: of the tile that lie in the canvas. */
+struct sv_sprite_steps {
+    sv_sprite_kernel draw;
+    void (*load)(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns, int rows,
+                 struct sv_sprite_state *state, struct sv_sprite_tile *tile);
+    void (*store)(const struct sv_canvas *canvas, int columns, int rows, const struct sv_sprite_state *state,
+                  const struct sv_sprite_tile *tile);
+};
+extern const struct sv_sprite_steps sv_sprite_scalar, sv_sprite_avx2;
+
+/* A tile with nothing in it yet. */
+void sv_sprite_tile_clear(int columns, int rows, struct sv_sprite_state *state, struct sv_sprite_tile *tile);
 void sv_sprite_tile_load(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns,
                          int rows, struct sv_sprite_state *state, struct sv_sprite_tile *tile);
 void sv_sprite_tile_store(const struct sv_canvas *canvas, int columns, int rows,
                           const struct sv_sprite_state *state, const struct sv_sprite_tile *tile);
+/* One row of each: columns first .. columns - 1. */
+void sv_sprite_load_row(const struct sv_camera *camera, const float *depth, int first, int columns, float *z);
+void sv_sprite_store_row(uint8_t *color, const struct sv_sprite_tile *tile, size_t at, int first,
+                         int columns);
+void sv_sprite_tile_load_avx2(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns,
+                              int rows, struct sv_sprite_state *state, struct sv_sprite_tile *tile);
+void sv_sprite_tile_store_avx2(const struct sv_canvas *canvas, int columns, int rows,
+                               const struct sv_sprite_state *state, const struct sv_sprite_tile *tile);
 void sv_sprite_hard_store(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns,
                           int rows, const struct sv_sprite_state *state, const struct sv_sprite_hard *hard);
 

@@ -23,3 +23,8 @@ if(TARGET sv_leaf_splat AND TARGET sv_truth AND TARGET sv_scene)
   add_executable(bench_leaf_splat EXCLUDE_FROM_ALL bench_leaf_splat.c leaf_fixture.c)
   target_link_libraries(bench_leaf_splat PRIVATE sv_scene_kit sv_leaf_splat sv_truth sv_scene sv_tree sv_compare)
 endif()
+# Far trees on the CPU: time and error. sv_scene_kit comes from tests/core/view.
+if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
+  add_executable(bench_sprite EXCLUDE_FROM_ALL bench_sprite.c)
+  target_link_libraries(bench_sprite PRIVATE sv_scene_kit sv_tree_draw sv_truth sv_compare m)
+endif()
