@@ -1,8 +1,9 @@
 /* leaf_splat.c - see leaf_splat.h: forms, and which clusters of a tree are drawn in which order.
  *
  * Clusters are drawn nearest first, in 64 slices of the tree's depth. One whose nearest point lies behind the
- * farthest depth of every 16 x 16 tile that it can touch is left out; tiles are looked at again only when asked for
- * after something was drawn there. Depths only come nearer, so an old answer hides too little, never too much. */
+ * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls; foliage has
+ * gaps and hides next to nothing so); tiles are looked at again when asked for after a tree was drawn there. Depths
+ * only come nearer: an old answer hides too little, never too much. */
 #include "core/tree/leaf_splat.h"
 
 #include <math.h>
@@ -210,6 +211,7 @@ static void set_eye(const struct tree_pass *pass, struct sv_leaf_eye *eye)
             orthographic ? pass->center[1] : 0, eye->m[1]);
     set_row(pass, camera->forward, 0, eye->m[2]);
     eye->orthographic = orthographic;
+    eye->height_px = (float)(pass->focal * (double)pass->tree->height_m);
     eye->near_m = (float)camera->near_m;
     eye->far_m = (float)camera->far_m;
     eye->width = pass->canvas->width;
@@ -347,11 +349,11 @@ static float tile_least(struct sv_leaf_splat *splat, const struct tree_pass *pas
     return splat->tile_far[tile];
 }
 
-static void mark_tiles(struct sv_leaf_splat *splat, const struct tree_pass *pass, int i0, int j0, int i1, int j1)
+static void mark_tiles(struct sv_leaf_splat *splat, const struct tree_pass *pass)
 {
-    for (int ty = j0 / TILE; ty <= j1 / TILE; ty++)
-        memset(splat->tile_old + (size_t)ty * (size_t)pass->tiles_x + (size_t)(i0 / TILE), 1,
-               (size_t)(i1 / TILE - i0 / TILE + 1));
+    size_t columns = (size_t)(pass->i1 / TILE - pass->i0 / TILE + 1);
+    for (int ty = pass->j0 / TILE; ty <= pass->j1 / TILE; ty++)
+        memset(splat->tile_old + (size_t)ty * (size_t)pass->tiles_x + (size_t)(pass->i0 / TILE), 1, columns);
 }
 
 /* Whether all that the cluster could show lies behind what is there. */
@@ -413,8 +415,9 @@ static void draw_group(struct sv_leaf_splat *splat, struct tree_pass *pass, uint
     const struct sv_leaf_cluster *clusters = job->form->clusters;
     const struct sv_tree_material *m = &job->form->mesh->materials[clusters[first].material];
     job->card = clusters[first].card;
-    job->mask = (struct sv_leaf_mask){clusters[first].masked ? m->albedo.data : NULL, m->albedo.width,
-                                      m->albedo.height, m->base_color[3], m->alpha_cutoff};
+    job->mask = clusters[first].masked ? &job->form->maps[clusters[first].material] : NULL;
+    job->alpha_factor = m->base_color[3];
+    job->alpha_cutoff = m->alpha_cutoff;
     uint32_t count = 0;
     for (uint32_t k = first; k < last; k++) {
         splat->list[count].cluster = k;
@@ -432,7 +435,6 @@ static void draw_group(struct sv_leaf_splat *splat, struct tree_pass *pass, uint
         }
         pass->kernel->project(job, &clusters[seen->cluster]);
         grow_box(pass, seen);
-        mark_tiles(splat, pass, seen->i0, seen->j0, seen->i1, seen->j1);
     }
     empty_queues(splat, pass);
 }
@@ -443,6 +445,7 @@ static void shade_list(struct sv_leaf_splat *splat, struct tree_pass *pass, cons
                        int material)
 {
     struct sv_leaf_paint paint = {.material = &splat->job->form->mesh->materials[material],
+                                  .map = &splat->job->form->maps[material],
                                   .job = splat->job,
                                   .light = light,
                                   .color = (uint8_t(*)[4])(void *)pass->canvas->color,
@@ -511,6 +514,9 @@ static enum sv_status draw_tree(struct sv_leaf_splat *splat, struct tree_pass *p
         draw_group(splat, pass, k, n);
     }
     pass->stats.trees += pass->j1 >= 0;
+    if (pass->j1 < 0)
+        return SV_OK;
+    mark_tiles(splat, pass);
     shade_tree(splat, pass, index);
     return SV_OK;
 }

@@ -175,6 +175,45 @@ static void measure(struct leaf_fixture *f, const char *name, double px)
     leaf_picture_finish(&bare);
 }
 
+/* Time alone, over the bare ground: least of many rounds. */
+static void time_it(struct leaf_fixture *f, const char *name, double px, const float *fraction)
+{
+    struct sv_leaf_view view = view_of(px);
+    struct sv_truth_picture ground;
+    struct sv_error error;
+    leaf_fixture_truth(f, &view, 1, false, false, &ground);
+    struct sv_canvas canvas = leaf_canvas(&ground, &view.camera);
+    size_t n = (size_t)canvas.width * (size_t)canvas.height;
+    float *depth = malloc(n * sizeof *depth);
+    memcpy(depth, canvas.depth, n * sizeof *depth);
+    canvas.id = NULL;
+    free(canvas.normal);
+    canvas.normal = NULL;
+    double least = INFINITY, sum = 0;
+    int rounds = 0;
+    double budget = getenv("BENCH_MS") ? atof(getenv("BENCH_MS")) : 300;
+    struct sv_leaf_splat_stats stats;
+    for (; rounds < 20 || (sum < budget && rounds < 20000); rounds++) {
+        memcpy(canvas.depth, depth, n * sizeof *depth);
+        struct sv_leaf_splat_trees trees = {.trees = f->scene->forest.trees,
+                                            .entries = f->entries,
+                                            .count = f->scene->forest.count,
+                                            .fraction = fraction,
+                                            .id_first = SV_ID_TREE_FIRST};
+        double start = now_ms();
+        must(sv_leaf_splat_draw(f->splat, &view, &canvas, &trees, &stats, &error), &error);
+        double ms = now_ms() - start;
+        sum += ms;
+        least = fmin(least, ms);
+    }
+    printf("%-10s %5.0f px  %s %6.3f ms least, %6.3f mean  (%u of %u clusters hidden, %llu px)\n", name, px,
+           fraction ? "whole" : "thin ", least, sum / rounds, stats.hidden_clusters, stats.clusters,
+           (unsigned long long)stats.pixels);
+    free(depth);
+    leaf_canvas_finish(&canvas);
+    leaf_picture_finish(&ground);
+}
+
 static void bench(const char *name, struct sv_tree_mesh *mesh)
 {
     struct sv_vec3 at = leaf_fixture_middle();
@@ -193,8 +232,13 @@ static void bench(const char *name, struct sv_tree_mesh *mesh)
     const char *wish = getenv("BENCH_PX");
     static const double sizes[] = {30, 60, 120, 200, 250, 500, 1000};
     for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++)
-        if (!wish || atof(wish) == sizes[k])
-            measure(&f, name, sizes[k]);
+        if (!wish || atof(wish) == sizes[k]) {
+            const float all = 1;
+            time_it(&f, name, sizes[k], &all);
+            time_it(&f, name, sizes[k], NULL);
+            if (!getenv("BENCH_TIME"))
+                measure(&f, name, sizes[k]);
+        }
     leaf_fixture_finish(&f);
     sv_tree_mesh_finish(mesh);
 }
@@ -205,6 +249,8 @@ int main(int argc, char **argv)
     struct sv_error error = {0};
     struct sv_tree_mesh mesh;
     for (int k = 0; k < SV_HABIT_COUNT && leaves; k++) {
+        if (getenv("BENCH_HABIT") && atoi(getenv("BENCH_HABIT")) != k)
+            continue;
         must(sv_tree_grow((enum sv_habit)k, leaves, (uint64_t)k + 1, &mesh, &error), &error);
         bench(sv_habit_name((enum sv_habit)k), &mesh);
     }
