@@ -446,6 +446,8 @@ static inline void raster_large(struct sv_leaf_job *job, const struct sv_leaf_qu
 static inline void raster_queue(struct sv_leaf_job *job, int q, bool card, bool orthographic)
 {
     struct sv_leaf_queue *queue = &job->queue[q];
+    for (int n = 0; n < queue->count && job->mask; n++) /* settle will want them */
+        _mm_prefetch((const char *)&job->form->records[queue->piece[n]], _MM_HINT_T0);
     for (int n = 0; n < queue->count; n += LANES) {
         if (q == SV_LEAF_QUEUES - 1)
             raster_large(job, queue, n, card, orthographic);

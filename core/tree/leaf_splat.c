@@ -467,6 +467,7 @@ static void shade_tree(struct sv_leaf_splat *splat, struct tree_pass *pass, uint
         for (int i = pass->i0; i <= pass->i1; i++) {
             if (row[i].piece == 0)
                 continue;
+            __builtin_prefetch(&job->form->records[row[i].piece - 1]);
             int m = job->form->material[row[i].piece - 1];
             splat->lit[m][splat->lit_count[m]++] = (uint32_t)i | (uint32_t)j << 16;
             if (splat->lit_count[m] == SV_LEAF_LIT)
