@@ -104,6 +104,7 @@ struct sv_leaf_light {
 struct sv_leaf_paint {
     const struct sv_tree_material *material;
     const struct sv_leaf_map *map;
+    float texels; /* of the map a pixel, at depth 1 m (orthographic: at any); 0: level 0 alone */
     const struct sv_leaf_job *job;
     const struct sv_leaf_light *light;
     uint8_t (*color)[4];

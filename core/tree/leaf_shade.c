@@ -98,8 +98,7 @@ static void normal_of(const struct spot *spot, const float turn[2], float n[3])
 /* Level of the texture whose texels are half a pixel to one pixel large: the exponent of how many there are. */
 static int level_of(const struct sv_leaf_paint *paint, float z)
 {
-    const struct sv_leaf_eye *eye = &paint->job->eye;
-    float texels = paint->map->density / eye->height_px * (eye->orthographic ? 1 : z);
+    float texels = paint->texels * (paint->job->eye.orthographic ? 1 : z);
     uint32_t bits;
     memcpy(&bits, &texels, sizeof bits);
     int level = (int)(bits >> 23) - 127;

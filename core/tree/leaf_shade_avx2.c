@@ -189,8 +189,7 @@ static inline __m256 mix(__m256 a, __m256 b, __m256 t)
 
 static inline __m256i levels_of(const struct sv_leaf_paint *paint, __m256 z)
 {
-    const struct sv_leaf_eye *eye = &paint->job->eye;
-    __m256 texels = mul(splat(paint->map->density / eye->height_px), eye->orthographic ? splat(1) : z);
+    __m256 texels = mul(splat(paint->texels), paint->job->eye.orthographic ? splat(1) : z);
     __m256i level = _mm256_sub_epi32(_mm256_srli_epi32(_mm256_castps_si256(texels), 23), _mm256_set1_epi32(127));
     level = _mm256_max_epi32(level, _mm256_setzero_si256());
     return _mm256_min_epi32(level, _mm256_set1_epi32(paint->map->level_count - 1));

@@ -460,6 +460,8 @@ static void shade_list(struct sv_leaf_splat *splat, struct tree_pass *pass, cons
                                   .color = (uint8_t(*)[4])(void *)pass->color,
                                   .id = pass->canvas->id,
                                   .normal = (float(*)[3])(void *)pass->canvas->normal};
+    if (!pass->trees->level_0)
+        paint.texels = paint.map->density / splat->job->eye.height_px;
     pass->kernel->shade(&paint, splat->lit[material], (int)splat->lit_count[material]);
     pass->stats.pixels += splat->lit_count[material];
     splat->lit_count[material] = 0;
