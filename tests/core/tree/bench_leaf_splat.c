@@ -162,21 +162,25 @@ static void measure(struct leaf_fixture *f, const char *name, double px)
     struct errors e0 = errors_of(one.color.data, &truth.color, &mask);
     printf("%-10s %5.0f px  rays 1 x        +%7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px, ray_ms, e0.mae,
            e0.ssim, e0.gradient);
-    static const int counts[] = {1, 2, 4, 8};
-    const float all = 1;
-    for (int w = 0; w < 2; w++)
-        for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
-            struct sv_canvas canvas;
-            struct timing t = draw(f, &view, &ground, w ? NULL : &all, counts[k], &canvas);
-            struct errors e = errors_of(canvas.color, &truth.color, &mask);
-            printf("%-10s %5.0f px  leaves %d x %4.2f %7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px,
-                   counts[k], w ? (double)sv_leaf_splat_fraction(f->splat, 0, px) : 1.0, t.ms, e.mae, e.ssim,
-                   e.gradient);
-            if (w && counts[k] == 4)
-                keep_sheet(name, px, &truth.color,
-                           (const uint8_t *const[4]){canvas.color, one.color.data, one.color.data, truth.color.data});
-            leaf_canvas_finish(&canvas);
-        }
+    static const struct {
+        int samples;
+        float fraction; /* 0: as it is chosen */
+    } ways[] = {{1, 1}, {2, 1}, {4, 1}, {8, 1}, {1, 0}, {4, 0}, {4, 0.5f}, {4, 0.25f}, {4, 0.12f}, {4, 0.06f}};
+    for (size_t k = 0; k < sizeof ways / sizeof *ways; k++) {
+        if (ways[k].fraction > 0 && ways[k].fraction < 1 && px > 120)
+            continue;
+        struct sv_canvas canvas;
+        float chosen = sv_leaf_splat_fraction(f->splat, 0, px), wish = ways[k].fraction;
+        struct timing t = draw(f, &view, &ground, wish > 0 ? &wish : NULL, ways[k].samples, &canvas);
+        struct errors e = errors_of(canvas.color, &truth.color, &mask);
+        printf("%-10s %5.0f px  leaves %d x %4.2f%s %7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px,
+               ways[k].samples, (double)(wish > 0 ? wish : chosen), wish > 0 ? " " : "*", t.ms, e.mae, e.ssim,
+               e.gradient);
+        if (k == 5)
+            keep_sheet(name, px, &truth.color,
+                       (const uint8_t *const[4]){canvas.color, one.color.data, one.color.data, truth.color.data});
+        leaf_canvas_finish(&canvas);
+    }
     sv_image_free(&mask);
     leaf_picture_finish(&ground);
     leaf_picture_finish(&one);
