@@ -12,10 +12,12 @@ static const float UV_TOLERANCE = 1e-3f;
 /* Fraction of the golden ratio: multiples of it fill 0..1 evenly. */
 #define GOLDEN 0.6180339887498949
 
+#define NO_VERTEX UINT32_C(0xffffffff)
+
 struct piece {
     uint64_t order; /* material, kind, place along the curve, rank */
     uint32_t corner[4];
-    uint32_t leaf; /* SV_LEAF_NO_VERTEX: not thinned out */
+    uint32_t leaf; /* NO_VERTEX: not thinned out */
     uint8_t material;
 };
 
@@ -86,20 +88,20 @@ static void take_material(struct builder *b, int m)
     const uint32_t *index = mesh->indices + material->first_index;
     for (uint32_t k = 0; k < material->index_count; k += 3) {
         struct piece *p = &b->pieces[b->piece_count++];
-        *p = (struct piece){.corner = {index[k], index[k + 1], index[k + 2], SV_LEAF_NO_VERTEX},
-                            .leaf = SV_LEAF_NO_VERTEX,
+        *p = (struct piece){.corner = {index[k], index[k + 1], index[k + 2], NO_VERTEX},
+                            .leaf = NO_VERTEX,
                             .material = (uint8_t)m};
         if (k + 6 <= material->index_count && join(mesh, index + k, index + k + 3, p->corner))
             k += 3;
         for (int c = 1; c < 4 && material->is_leaf; c++)
-            if (p->corner[c] != SV_LEAF_NO_VERTEX)
+            if (p->corner[c] != NO_VERTEX)
                 b->root[find(b->root, p->corner[c])] = find(b->root, p->corner[0]);
     }
 }
 
 static float area_of(const struct sv_tree_mesh *mesh, const struct piece *p)
 {
-    bool card = p->corner[3] != SV_LEAF_NO_VERTEX;
+    bool card = p->corner[3] != NO_VERTEX;
     const float *a = place(mesh, p->corner[0]), *b = place(mesh, p->corner[1]);
     const float *c = place(mesh, p->corner[card ? 3 : 2]);
     float u[3], v[3];
@@ -111,7 +113,7 @@ static float area_of(const struct sv_tree_mesh *mesh, const struct piece *p)
 
 static void middle_of(const struct sv_tree_mesh *mesh, const struct piece *p, float middle[3])
 {
-    int corners = p->corner[3] == SV_LEAF_NO_VERTEX ? 3 : 4;
+    int corners = p->corner[3] == NO_VERTEX ? 3 : 4;
     for (int k = 0; k < 3; k++) {
         middle[k] = 0;
         for (int c = 0; c < corners; c++)
@@ -163,7 +165,7 @@ static void find_leaves(struct builder *b, struct sv_leaf_form *form)
         for (int c = 0; c < 3; c++)
             leaf->middle[c] += area * middle[c];
         leaf->area += area;
-        leaf->triangles += p->corner[3] == SV_LEAF_NO_VERTEX ? 1 : 2;
+        leaf->triangles += p->corner[3] == NO_VERTEX ? 1 : 2;
     }
     double area = 0;
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
@@ -180,8 +182,8 @@ static void find_leaves(struct builder *b, struct sv_leaf_form *form)
     }
     form->leaf_area = form->leaf_count ? (float)(area / form->leaf_count) : 0;
     for (uint32_t k = 0; k < b->piece_count; k++)
-        if (b->pieces[k].leaf != SV_LEAF_NO_VERTEX && b->leaves[b->pieces[k].leaf].triangles > SV_LEAF_TRIANGLES)
-            b->pieces[k].leaf = SV_LEAF_NO_VERTEX;
+        if (b->pieces[k].leaf != NO_VERTEX && b->leaves[b->pieces[k].leaf].triangles > SV_LEAF_TRIANGLES)
+            b->pieces[k].leaf = NO_VERTEX;
 }
 
 static void rank_leaves(struct builder *b, struct order *order)
@@ -200,7 +202,7 @@ static void rank_leaves(struct builder *b, struct order *order)
 static uint64_t group_of(const struct builder *b, const struct piece *p)
 {
     const struct sv_tree_material *m = &b->mesh->materials[p->material];
-    uint64_t card = p->corner[3] != SV_LEAF_NO_VERTEX, thins = p->leaf != SV_LEAF_NO_VERTEX;
+    uint64_t card = p->corner[3] != NO_VERTEX, thins = p->leaf != NO_VERTEX;
     return (uint64_t)!m->is_leaf << 10 | (uint64_t)p->material << 2 | thins << 1 | card; /* leaves first */
 }
 
@@ -212,7 +214,7 @@ static void sort_pieces(struct builder *b, struct order *order, struct piece *ou
         const struct piece *p = &b->pieces[k];
         float middle[3];
         middle_of(b->mesh, p, middle);
-        uint32_t code = p->leaf != SV_LEAF_NO_VERTEX ? b->leaves[p->leaf].code : morton(middle);
+        uint32_t code = p->leaf != NO_VERTEX ? b->leaves[p->leaf].code : morton(middle);
         order[k] = (struct order){group_of(b, p) << 32 | code, k};
     }
     qsort(order, n, sizeof *order, by_key);
@@ -223,7 +225,7 @@ static void sort_pieces(struct builder *b, struct order *order, struct piece *ou
             m++;
         for (uint32_t i = k; i < k + m; i++) {
             const struct piece *p = &b->pieces[order[i].item];
-            if (p->leaf != SV_LEAF_NO_VERTEX)
+            if (p->leaf != NO_VERTEX)
                 order[i].key = (uint64_t)((double)b->leaves[p->leaf].rank * 0x1p32);
         }
         if (group & 2)
@@ -237,31 +239,52 @@ static void sort_pieces(struct builder *b, struct order *order, struct piece *ou
     }
 }
 
+static uint32_t pack_normal(const int16_t n[3])
+{
+    uint32_t out = 0;
+    for (int k = 0; k < 3; k++)
+        out |= ((uint32_t)lrintf((float)n[k] * (511.0f / 32767)) & 1023) << 10 * k;
+    return out;
+}
+
+static void put_record(const struct sv_tree_vertex *v, const struct piece *p, struct sv_leaf_record *record)
+{
+    bool card = p->corner[3] != NO_VERTEX;
+    for (int c = 0; c < (card ? 4 : 3); c++) {
+        const struct sv_tree_vertex *from = &v[p->corner[c]];
+        record->occlusion[c] = from->occlusion;
+        record->normal[c] = pack_normal(from->normal);
+        memcpy(record->open[c], from->open, sizeof from->open);
+    }
+    record->normal[0] |= card ? SV_LEAF_CARD : 0;
+    const float *uv0 = v[p->corner[0]].uv, *uv1 = v[p->corner[1]].uv, *uv2 = v[p->corner[card ? 3 : 2]].uv;
+    for (int k = 0; k < 2; k++) {
+        record->uv[k] = uv0[k];
+        record->uv[2 + k] = uv1[k] - uv0[k];
+        record->uv[4 + k] = uv2[k] - uv0[k];
+    }
+}
+
 static void put_piece(const struct builder *b, const struct piece *p, struct sv_leaf_form *form, uint32_t at)
 {
     struct sv_leaf_block *block = &form->blocks[at / SV_LEAF_LANES];
     struct sv_leaf_fade *fade = &form->fades[at / SV_LEAF_LANES];
     uint32_t lane = at % SV_LEAF_LANES;
-    bool card = p->corner[3] != SV_LEAF_NO_VERTEX;
+    bool card = p->corner[3] != NO_VERTEX;
     const struct sv_tree_vertex *v = b->mesh->vertices;
     const struct sv_tree_vertex *p0 = &v[p->corner[0]], *p1 = &v[p->corner[1]];
     const struct sv_tree_vertex *p2 = &v[p->corner[card ? 3 : 2]];
     float middle[3];
     middle_of(b->mesh, p, middle);
-    const float *about = p->leaf != SV_LEAF_NO_VERTEX ? b->leaves[p->leaf].middle : middle;
+    const float *about = p->leaf != NO_VERTEX ? b->leaves[p->leaf].middle : middle;
     for (int k = 0; k < 3; k++) {
         block->p0[k][lane] = p0->position[k];
         block->e1[k][lane] = p1->position[k] - p0->position[k];
         block->e2[k][lane] = p2->position[k] - p0->position[k];
         fade->middle[k][lane] = about[k];
     }
-    fade->rank[lane] = p->leaf != SV_LEAF_NO_VERTEX ? b->leaves[p->leaf].rank : -1;
-    memcpy(form->corners[at], p->corner, sizeof p->corner);
-    for (int k = 0; k < 2; k++) {
-        form->uv[at][k] = p0->uv[k];
-        form->uv[at][2 + k] = p1->uv[k] - p0->uv[k];
-        form->uv[at][4 + k] = p2->uv[k] - p0->uv[k];
-    }
+    fade->rank[lane] = p->leaf != NO_VERTEX ? b->leaves[p->leaf].rank : -1;
+    put_record(v, p, &form->records[at]);
     form->material[at] = p->material;
 }
 
@@ -273,7 +296,7 @@ static void bound_cluster(const struct builder *b, const struct piece *p, uint32
         for (uint32_t i = 0; i < n; i++) {
             const float *about = cluster->thins ? b->leaves[p[i].leaf].middle : NULL;
             for (int c = 0; c < 4; c++) {
-                if (p[i].corner[c] == SV_LEAF_NO_VERTEX)
+                if (p[i].corner[c] == NO_VERTEX)
                     continue;
                 const float *corner = place(b->mesh, p[i].corner[c]), *q = about ? about : corner;
                 float far_out = 0, reach = 0;
@@ -309,8 +332,8 @@ static void fill(const struct builder *b, const struct piece *sorted, const uint
         *cluster = (struct sv_leaf_cluster){.block = block,
                                             .block_count = (n + SV_LEAF_LANES - 1) / SV_LEAF_LANES,
                                             .material = p->material,
-                                            .card = p->corner[3] != SV_LEAF_NO_VERTEX,
-                                            .thins = p->leaf != SV_LEAF_NO_VERTEX,
+                                            .card = p->corner[3] != NO_VERTEX,
+                                            .thins = p->leaf != NO_VERTEX,
                                             .masked = m->masked && m->albedo.data};
         bound_cluster(b, p, n, cluster);
         for (uint32_t i = 0; i < n; i++)
@@ -322,6 +345,26 @@ static void fill(const struct builder *b, const struct piece *sorted, const uint
         }
         block += cluster->block_count;
         k += n;
+    }
+}
+
+/* Texels a height of each material, by the pieces' areas in texture and space. */
+static void measure_densities(const struct builder *b, struct sv_leaf_form *form)
+{
+    double texels[SV_TREE_MATERIALS_MAX] = {0}, area[SV_TREE_MATERIALS_MAX] = {0};
+    for (uint32_t k = 0; k < b->piece_count; k++) {
+        const struct piece *p = &b->pieces[k];
+        const struct sv_image *albedo = &b->mesh->materials[p->material].albedo;
+        bool card = p->corner[3] != NO_VERTEX;
+        const struct sv_tree_vertex *v = b->mesh->vertices;
+        const float *a = v[p->corner[0]].uv, *c = v[p->corner[1]].uv, *d = v[p->corner[card ? 3 : 2]].uv;
+        double uv = fabs((double)((c[0] - a[0]) * (d[1] - a[1]) - (c[1] - a[1]) * (d[0] - a[0])));
+        texels[p->material] += uv * (card ? 1 : 0.5) * albedo->width * albedo->height;
+        area[p->material] += (double)area_of(b->mesh, p);
+    }
+    for (int m = 0; m < b->mesh->material_count; m++) {
+        double density = sqrt(texels[m] / fmax(area[m], 1e-20));
+        form->maps[m].density = density < 1e9 ? (float)density : 0; /* NaN and infinity in a model: level 0 */
     }
 }
 
@@ -346,13 +389,12 @@ static enum sv_status make_room(const uint8_t *first, uint32_t pieces, struct sv
     form->blocks = aligned(blocks * sizeof *form->blocks);
     form->fades = aligned(blocks * sizeof *form->fades);
     form->clusters = calloc((size_t)form->cluster_count + 1, sizeof *form->clusters);
-    form->corners = calloc(lanes + 1, sizeof *form->corners);
-    form->uv = calloc(lanes + 1, sizeof *form->uv);
+    form->records = aligned((lanes + 1) * sizeof *form->records);
     form->material = calloc(lanes + 1, 1);
     form->bytes = blocks * (sizeof *form->blocks + sizeof *form->fades) +
                   form->cluster_count * sizeof *form->clusters +
-                  lanes * (sizeof *form->corners + sizeof *form->uv + 1);
-    if (!form->blocks || !form->fades || !form->clusters || !form->corners || !form->uv || !form->material)
+                  lanes * (sizeof *form->records + 1);
+    if (!form->blocks || !form->fades || !form->clusters || !form->records || !form->material)
         return sv_fail(error, SV_ENOMEM, "species", "no memory for %zu bytes of leaves", form->bytes);
     return SV_OK;
 }
@@ -369,9 +411,11 @@ static enum sv_status build(struct builder *b, struct order *order, struct piece
     rank_leaves(b, order);
     sort_pieces(b, order, sorted, first);
     enum sv_status status = make_room(first, b->piece_count, form, error);
-    if (!status)
-        fill(b, sorted, first, form);
-    return status;
+    if (status)
+        return status;
+    fill(b, sorted, first, form);
+    measure_densities(b, form);
+    return sv_leaf_maps_init(form, error);
 }
 
 enum sv_status sv_leaf_form_init(const struct sv_tree_mesh *mesh, struct sv_leaf_form *out,
@@ -410,8 +454,11 @@ void sv_leaf_form_finish(struct sv_leaf_form *form)
     free(form->blocks);
     free(form->fades);
     free(form->clusters);
-    free(form->corners);
-    free(form->uv);
+    free(form->records);
     free(form->material);
+    for (int m = 0; m < SV_TREE_MATERIALS_MAX; m++) {
+        free(form->maps[m].classes);
+        free(form->maps[m].levels);
+    }
     *form = (struct sv_leaf_form){0};
 }

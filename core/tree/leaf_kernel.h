@@ -59,15 +59,10 @@ struct sv_leaf_seen {
 struct sv_leaf_eye {
     float m[3][4];
     bool orthographic;
+    float height_px; /* of the tree at depth 1 m; orthographic: at any */
     float near_m; /* perspective */
     float far_m;  /* orthographic */
     int width, height; /* of the band, px */
-};
-
-struct sv_leaf_mask {
-    const uint8_t (*rgba)[4]; /* NULL: all is there */
-    int width, height;
-    float factor, cutoff;
 };
 
 /* Thinning out: leaves of a rank below `upto` are there, those within `window` below it only begin to grow;
@@ -80,7 +75,8 @@ struct sv_leaf_job {
     const struct sv_leaf_form *form;
     struct sv_leaf_eye eye;
     struct sv_leaf_thin thin;
-    struct sv_leaf_mask mask; /* of the material that is being drawn */
+    const struct sv_leaf_map *mask; /* of the material that is being drawn; NULL: all is there */
+    float alpha_factor, alpha_cutoff;
     bool card;                /* what is queued: parallelograms; else triangles */
     float *depth;             /* the band's */
     struct sv_leaf_seen *seen;
@@ -107,6 +103,8 @@ struct sv_leaf_light {
 
 struct sv_leaf_paint {
     const struct sv_tree_material *material;
+    const struct sv_leaf_map *map;
+    float texels; /* of the map a pixel, at depth 1 m (orthographic: at any); 0: level 0 alone */
     const struct sv_leaf_job *job;
     const struct sv_leaf_light *light;
     uint8_t (*color)[4];

@@ -246,19 +246,23 @@ static void raster(struct sv_leaf_job *job, int q)
 }
 
 /* Bilinear alpha by the rule of mesh.h; the same operations as sv_texture_alpha (core/truth/texture.c). */
-static bool is_there(const struct sv_leaf_mask *mask, const float uv[6], float s, float r)
+static bool is_there(const struct sv_leaf_job *job, const float uv[6], float s, float r)
 {
+    const struct sv_leaf_map *map = job->mask;
     float u = (uv[0] + s * uv[2]) + r * uv[4], v = (uv[1] + s * uv[3]) + r * uv[5];
-    float x = sv_leaf_texel(u, mask->width), y = sv_leaf_texel(v, mask->height);
+    float x = sv_leaf_texel(u, map->width), y = sv_leaf_texel(v, map->height);
     float bx = floorf(x), by = floorf(y), fu = x - bx, fv = y - by;
     int i[2], j[2];
-    sv_leaf_wrap((int)bx, mask->width, i);
-    sv_leaf_wrap((int)by, mask->height, j);
+    sv_leaf_wrap((int)bx, map->width, i);
+    sv_leaf_wrap((int)by, map->height, j);
+    uint32_t at = (uint32_t)(j[0] * map->width + i[0]), class = map->classes[at >> 4] >> 2 * (at & 15) & 3;
+    if (class != SV_LEAF_MIXED)
+        return class == SV_LEAF_IN;
     float a[4];
     for (int k = 0; k < 4; k++)
-        a[k] = (float)mask->rgba[j[k >> 1] * mask->width + i[k & 1]][3];
+        a[k] = (float)map->rgba[j[k >> 1] * map->width + i[k & 1]][3];
     float top = a[0] + (a[1] - a[0]) * fu, bottom = a[2] + (a[3] - a[2]) * fu;
-    return !((top + (bottom - top) * fv) * (1.0f / 255.0f) * mask->factor < mask->cutoff);
+    return !((top + (bottom - top) * fv) * (1.0f / 255.0f) * job->alpha_factor < job->alpha_cutoff);
 }
 
 static float held(float v)
@@ -272,7 +276,7 @@ void sv_leaf_settle_run(struct sv_leaf_job *job, int from, int to)
     for (int n = from; n < to; n++) {
         float inverse = job->eye.orthographic ? 1 : 1 / hits->d[n];
         float s = held(hits->s[n] * inverse), r = held(hits->r[n] * inverse);
-        if (job->mask.rgba && !is_there(&job->mask, job->form->uv[hits->piece[n]], s, r))
+        if (job->mask && !is_there(job, job->form->records[hits->piece[n]].uv, s, r))
             continue;
         uint32_t place = (uint32_t)(s * 65535 + 0.5f) | (uint32_t)(r * 65535 + 0.5f) << 16;
         sv_leaf_put(job, hits->pixel[n], hits->d[n], hits->piece[n], place);

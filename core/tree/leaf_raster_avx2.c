@@ -446,6 +446,8 @@ static inline void raster_large(struct sv_leaf_job *job, const struct sv_leaf_qu
 static inline void raster_queue(struct sv_leaf_job *job, int q, bool card, bool orthographic)
 {
     struct sv_leaf_queue *queue = &job->queue[q];
+    for (int n = 0; n < queue->count && job->mask; n++) /* settle will want them */
+        _mm_prefetch((const char *)&job->form->records[queue->piece[n]], _MM_HINT_T0);
     for (int n = 0; n < queue->count; n += LANES) {
         if (q == SV_LEAF_QUEUES - 1)
             raster_large(job, queue, n, card, orthographic);
@@ -497,26 +499,51 @@ static inline __m256 mix(__m256 a, __m256 b, __m256 t)
     return add(a, mul(sub(b, a), t));
 }
 
-static inline __m256 is_there(const struct sv_leaf_job *job, __m256i piece, __m256 s, __m256 r)
+/* Places of eight hits in their textures: the first halves of their records, columns for rows. */
+static inline void load_uv(const struct sv_leaf_job *job, const uint32_t *piece, __m256 f[6])
 {
-    const struct sv_leaf_mask *mask = &job->mask;
-    const float *uv = &job->form->uv[0][0];
-    const int *rgba = (const int *)(const void *)mask->rgba;
-    __m256i at6 = _mm256_mullo_epi32(piece, _mm256_set1_epi32(6));
+    __m256 a[4], b[4];
+    for (int k = 0; k < 4; k++) {
+        const float *low = job->form->records[piece[k]].uv, *high = job->form->records[piece[k + 4]].uv;
+        a[k] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(low)), _mm_load_ps(high), 1);
+        b[k] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(low + 4)), _mm_load_ps(high + 4), 1);
+    }
+    __m256 p = _mm256_unpacklo_ps(a[0], a[1]), q = _mm256_unpacklo_ps(a[2], a[3]);
+    __m256 u = _mm256_unpackhi_ps(a[0], a[1]), v = _mm256_unpackhi_ps(a[2], a[3]);
+    f[0] = _mm256_shuffle_ps(p, q, 0x44);
+    f[1] = _mm256_shuffle_ps(p, q, 0xee);
+    f[2] = _mm256_shuffle_ps(u, v, 0x44);
+    f[3] = _mm256_shuffle_ps(u, v, 0xee);
+    p = _mm256_unpacklo_ps(b[0], b[1]), q = _mm256_unpacklo_ps(b[2], b[3]);
+    f[4] = _mm256_shuffle_ps(p, q, 0x44);
+    f[5] = _mm256_shuffle_ps(p, q, 0xee);
+}
+
+/* Returns the bits of hits that the mask lets be. */
+static inline unsigned are_there(const struct sv_leaf_job *job, int n, __m256 s, __m256 r)
+{
+    const struct sv_leaf_map *map = job->mask;
+    const int *rgba = (const int *)(const void *)map->rgba;
     __m256 f[6];
-    for (int k = 0; k < 6; k++)
-        f[k] = _mm256_i32gather_ps(uv + k, at6, 4);
-    __m256 x = texel_of(add(add(f[0], mul(s, f[2])), mul(r, f[4])), mask->width);
-    __m256 y = texel_of(add(add(f[1], mul(s, f[3])), mul(r, f[5])), mask->height);
+    load_uv(job, job->hits.piece + n, f);
+    __m256 x = texel_of(add(add(f[0], mul(s, f[2])), mul(r, f[4])), map->width);
+    __m256 y = texel_of(add(add(f[1], mul(s, f[3])), mul(r, f[5])), map->height);
     __m256 bx = _mm256_floor_ps(x), by = _mm256_floor_ps(y), fu = sub(x, bx), fv = sub(y, by);
-    __m256i i = _mm256_cvttps_epi32(bx), j = _mm256_cvttps_epi32(by), w = _mm256_set1_epi32(mask->width);
-    __m256i i0 = wrap_low(i, mask->width), i1 = wrap_high(i, mask->width);
-    __m256i j0 = _mm256_mullo_epi32(wrap_low(j, mask->height), w);
-    __m256i j1 = _mm256_mullo_epi32(wrap_high(j, mask->height), w);
-    __m256 top = mix(alpha_at(rgba, _mm256_add_epi32(j0, i0)), alpha_at(rgba, _mm256_add_epi32(j0, i1)), fu);
+    __m256i i = _mm256_cvttps_epi32(bx), j = _mm256_cvttps_epi32(by), w = _mm256_set1_epi32(map->width);
+    __m256i i0 = wrap_low(i, map->width), j0 = _mm256_mullo_epi32(wrap_low(j, map->height), w);
+    __m256i at0 = _mm256_add_epi32(j0, i0), shift = _mm256_and_si256(at0, _mm256_set1_epi32(15));
+    __m256i class = _mm256_i32gather_epi32((const int *)map->classes, _mm256_srli_epi32(at0, 4), 4);
+    class = _mm256_srlv_epi32(class, _mm256_add_epi32(shift, shift));
+    unsigned in = bits_of(_mm256_castsi256_ps(_mm256_slli_epi32(class, 31)));
+    __m256i between = _mm256_slli_epi32(class, 30);
+    if (!bits_of(_mm256_castsi256_ps(between)))
+        return in;
+    __m256i i1 = wrap_high(i, map->width), j1 = _mm256_mullo_epi32(wrap_high(j, map->height), w);
+    __m256 top = mix(alpha_at(rgba, at0), alpha_at(rgba, _mm256_add_epi32(j0, i1)), fu);
     __m256 low = mix(alpha_at(rgba, _mm256_add_epi32(j1, i0)), alpha_at(rgba, _mm256_add_epi32(j1, i1)), fu);
-    __m256 alpha = mul(mul(mix(top, low, fv), splat(1.0f / 255.0f)), splat(mask->factor));
-    return _mm256_cmp_ps(alpha, splat(mask->cutoff), _CMP_NLT_UQ);
+    __m256 alpha = mul(mul(mix(top, low, fv), splat(1.0f / 255.0f)), splat(job->alpha_factor));
+    __m256 there = _mm256_cmp_ps(alpha, splat(job->alpha_cutoff), _CMP_NLT_UQ);
+    return in | (bits_of(there) & bits_of(_mm256_castsi256_ps(between)));
 }
 
 static inline __m256 held(__m256 v)
@@ -533,11 +560,10 @@ static inline void settle_eight(struct sv_leaf_job *job, int n)
 {
     const struct sv_leaf_hits *hits = &job->hits;
     __m256 d = _mm256_load_ps(hits->d + n), s = _mm256_load_ps(hits->s + n), r = _mm256_load_ps(hits->r + n);
-    __m256i piece = _mm256_load_si256((const __m256i *)(const void *)(hits->piece + n));
     __m256 inverse = job->eye.orthographic ? splat(1) : _mm256_div_ps(splat(1), d);
     s = held(mul(s, inverse));
     r = held(mul(r, inverse));
-    unsigned left = job->mask.rgba ? bits_of(is_there(job, piece, s, r)) : 255;
+    unsigned left = job->mask ? are_there(job, n, s, r) : 255;
     uint32_t place[LANES];
     _mm256_storeu_si256((__m256i *)(void *)place,
                         _mm256_or_si256(sixteen(s), _mm256_slli_epi32(sixteen(r), 16)));

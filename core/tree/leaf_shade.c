@@ -34,42 +34,59 @@ static uint32_t code_of(float c)
     return (uint32_t)lrintf(c >= 1.0f / 256 ? curve : line);
 }
 
-/* The triangle of the mesh that shows, and where in it. */
+/* The piece that shows, where in it, and the weights of its corners. */
 struct spot {
-    const struct sv_tree_vertex *v[3];
-    float w[3];
+    const struct sv_leaf_record *record;
+    float s, r, w[4];
 };
 
+/* A card is two triangles that meet in P0 and P0 + E1 + E2. */
 static struct spot spot_of(const struct sv_leaf_form *form, uint32_t piece, uint32_t place)
 {
-    const uint32_t *corner = form->corners[piece];
-    float s = (float)(place & 0xffff) * (1.0f / 65535), r = (float)(place >> 16) * (1.0f / 65535);
-    bool single = corner[3] == SV_LEAF_NO_VERTEX, first = single || s >= r;
-    float b = single ? s : first ? s - r : s, c = single || first ? r : r - s;
-    const struct sv_tree_vertex *v = form->mesh->vertices;
-    return (struct spot){{&v[corner[0]], &v[corner[first ? 1 : 2]], &v[corner[first ? 2 : 3]]},
-                         {1 - (b + c), b, c}};
+    struct spot spot = {.record = &form->records[piece],
+                        .s = (float)(place & 0xffff) * (1.0f / 65535),
+                        .r = (float)(place >> 16) * (1.0f / 65535)};
+    bool card = spot.record->normal[0] & SV_LEAF_CARD;
+    spot.w[1] = card ? sv_leaf_max(spot.s - spot.r, 0) : spot.s;
+    spot.w[2] = card ? sv_leaf_min(spot.s, spot.r) : spot.r;
+    spot.w[3] = card ? sv_leaf_max(spot.r - spot.s, 0) : 0;
+    spot.w[0] = 1 - ((spot.w[1] + spot.w[2]) + spot.w[3]);
+    return spot;
 }
 
-static float mix3(const struct spot *spot, float a, float b, float c)
+static float mix4(const float w[4], const float v[4])
 {
-    return (spot->w[0] * a + spot->w[1] * b) + spot->w[2] * c;
+    return (w[0] * v[0] + w[1] * v[1]) + (w[2] * v[2] + w[3] * v[3]);
 }
 
-static float open_of(const struct sv_tree_vertex *v, const float d[3])
+static float open_of(const struct spot *spot, const float d[3])
 {
-    float t = ((((float)v->open[0] * d[0] + (float)v->open[1] * d[1]) + (float)v->open[2] * d[2]) +
-               (float)v->open[3]) *
-              (1.0f / 127);
-    return sv_leaf_min(sv_leaf_max(t, 0), 1);
+    float open[4];
+    for (int c = 0; c < 4; c++) {
+        const int8_t *o = spot->record->open[c];
+        float t = ((((float)o[0] * d[0] + (float)o[1] * d[1]) + (float)o[2] * d[2]) + (float)o[3]) * (1.0f / 127);
+        open[c] = sv_leaf_min(sv_leaf_max(t, 0), 1);
+    }
+    return mix4(spot->w, open);
+}
+
+static float occlusion_of(const struct spot *spot)
+{
+    float o[4];
+    for (int c = 0; c < 4; c++)
+        o[c] = spot->record->occlusion[c];
+    return mix4(spot->w, o) * (1.0f / 65535);
 }
 
 static void normal_of(const struct spot *spot, const float turn[2], float n[3])
 {
     float m[3];
-    for (int k = 0; k < 3; k++)
-        m[k] = mix3(spot, (float)spot->v[0]->normal[k], (float)spot->v[1]->normal[k],
-                    (float)spot->v[2]->normal[k]);
+    for (int k = 0; k < 3; k++) {
+        float v[4];
+        for (int c = 0; c < 4; c++)
+            v[c] = (float)((int32_t)(spot->record->normal[c] << (22 - 10 * k)) >> 22);
+        m[k] = mix4(spot->w, v);
+    }
     n[0] = turn[0] * m[0] + turn[1] * m[1];
     n[1] = turn[0] * m[1] - turn[1] * m[0];
     n[2] = m[2];
@@ -78,25 +95,37 @@ static void normal_of(const struct spot *spot, const float turn[2], float n[3])
         n[k] = n[k] * inverse;
 }
 
-static void albedo_of(const struct sv_tree_material *material, const struct spot *spot, float rgb[3])
+/* Level of the texture whose texels are half a pixel to one pixel large: the exponent of how many there are. */
+static int level_of(const struct sv_leaf_paint *paint, float z)
 {
-    const struct sv_image *image = &material->albedo;
-    float u = mix3(spot, spot->v[0]->uv[0], spot->v[1]->uv[0], spot->v[2]->uv[0]);
-    float v = mix3(spot, spot->v[0]->uv[1], spot->v[1]->uv[1], spot->v[2]->uv[1]);
+    float texels = paint->texels * (paint->job->eye.orthographic ? 1 : z);
+    uint32_t bits;
+    memcpy(&bits, &texels, sizeof bits);
+    int level = (int)(bits >> 23) - 127;
+    return level < 0 ? 0 : level < paint->map->level_count ? level : paint->map->level_count - 1;
+}
+
+static void albedo_of(const struct sv_leaf_paint *paint, const struct spot *spot, float z, float rgb[3])
+{
+    const struct sv_leaf_map *map = paint->map;
+    const float *uv = spot->record->uv;
     for (int c = 0; c < 3; c++)
-        rgb[c] = material->base_color[c];
-    if (!image->data)
+        rgb[c] = paint->material->base_color[c];
+    if (!map->rgba)
         return;
-    const uint8_t(*texel)[4] = image->data;
-    float x = sv_leaf_texel(u, image->width), y = sv_leaf_texel(v, image->height);
+    int level = level_of(paint, z), w = map->widths[level], h = map->heights[level];
+    const uint8_t(*texel)[4] =
+        level ? (const uint8_t(*)[4])(map->levels + map->offset[level]) : map->rgba;
+    float x = sv_leaf_texel((uv[0] + spot->s * uv[2]) + spot->r * uv[4], w);
+    float y = sv_leaf_texel((uv[1] + spot->s * uv[3]) + spot->r * uv[5], h);
     float bx = floorf(x), by = floorf(y), fu = x - bx, fv = y - by;
     int i[2], j[2];
-    sv_leaf_wrap((int)bx, image->width, i);
-    sv_leaf_wrap((int)by, image->height, j);
+    sv_leaf_wrap((int)bx, w, i);
+    sv_leaf_wrap((int)by, h, j);
     for (int c = 0; c < 3; c++) {
         float a[4];
         for (int k = 0; k < 4; k++)
-            a[k] = sv_linear_from_srgb8[texel[j[k >> 1] * image->width + i[k & 1]][c]];
+            a[k] = sv_linear_from_srgb8[texel[j[k >> 1] * w + i[k & 1]][c]];
         float top = a[0] + (a[1] - a[0]) * fu, low = a[2] + (a[3] - a[2]) * fu;
         rgb[c] = (top + (low - top) * fv) * rgb[c];
     }
@@ -152,8 +181,7 @@ static struct sight sight_of(const struct sv_leaf_paint *paint, int i, int j, fl
 static float visible_of(const struct sv_leaf_paint *paint, const struct sight *sight, const struct spot *spot)
 {
     const struct sv_leaf_light *light = paint->light;
-    float open = mix3(spot, open_of(spot->v[0], light->model_sun), open_of(spot->v[1], light->model_sun),
-                      open_of(spot->v[2], light->model_sun));
+    float open = open_of(spot, light->model_sun);
     if (!light->shadows)
         return open;
     float facing = dot(sight->to_viewer, light->to_sun);
@@ -172,15 +200,14 @@ static void shade_pixel(const struct sv_leaf_paint *paint, uint32_t at)
     struct sight sight = sight_of(paint, i, j, job->depth[p]);
     float n[3], rgb[3], visible = visible_of(paint, &sight, &spot);
     normal_of(&spot, light->turn, n);
-    albedo_of(paint->material, &spot, rgb);
+    albedo_of(paint, &spot, sight.z, rgb);
     float sign = dot(n, sight.to_viewer) < 0 ? -1.0f : 1.0f;
     for (int k = 0; k < 3; k++)
         n[k] = n[k] * sign;
     float n_l = dot(n, light->to_sun), up = 0.5f + 0.5f * n[2];
     float passes = paint->material->is_leaf ? paint->material->translucency : 0;
     float sun = (n_l >= 0 ? n_l : n_l * -passes) * visible;
-    float occlusion = mix3(&spot, spot.v[0]->occlusion, spot.v[1]->occlusion, spot.v[2]->occlusion) *
-                      (1.0f / 65535);
+    float occlusion = occlusion_of(&spot);
     float clear = light->air ? power_of_2(sight.distance * light->air_scale) : 1;
     uint32_t code = 0xff000000;
     for (int c = 0; c < 3; c++) {

@@ -5,9 +5,9 @@
 #include "core/base/color.h"
 #include "core/tree/leaf_shade.h"
 
-enum { LANES = 8, VERTEX_WORDS = sizeof(struct sv_tree_vertex) / 4 };
+enum { LANES = 8 };
 
-_Static_assert(sizeof(struct sv_tree_vertex) == 32, "words of a vertex: position, normal and occlusion, uv, open");
+_Static_assert(sizeof(struct sv_leaf_record) == 64, "a record is two vectors of eight words");
 
 static inline __m256 splat(float v)
 {
@@ -68,83 +68,118 @@ static inline __m256i code_of(__m256 c)
     return _mm256_cvtps_epi32(_mm256_blendv_ps(line, curve, _mm256_cmp_ps(c, splat(1.0f / 256), _CMP_GE_OQ)));
 }
 
-struct spots {
-    __m256i word[3]; /* of the vertices, in words from the first */
-    __m256 w[3];
-};
-
 static inline __m256i gather(const void *base, __m256i index)
 {
     return _mm256_i32gather_epi32((const int *)base, index, 4);
 }
 
+/* Columns for rows. */
+static inline void transpose(__m256 v[8])
+{
+    __m256 a[8], b[8];
+    for (int k = 0; k < 8; k += 2) {
+        a[k] = _mm256_unpacklo_ps(v[k], v[k + 1]);
+        a[k + 1] = _mm256_unpackhi_ps(v[k], v[k + 1]);
+    }
+    for (int k = 0; k < 8; k += 4) {
+        b[k] = _mm256_shuffle_ps(a[k], a[k + 2], 0x44);
+        b[k + 1] = _mm256_shuffle_ps(a[k], a[k + 2], 0xee);
+        b[k + 2] = _mm256_shuffle_ps(a[k + 1], a[k + 3], 0x44);
+        b[k + 3] = _mm256_shuffle_ps(a[k + 1], a[k + 3], 0xee);
+    }
+    for (int k = 0; k < 4; k++) {
+        v[k] = _mm256_permute2f128_ps(b[k], b[k + 4], 0x20);
+        v[k + 4] = _mm256_permute2f128_ps(b[k], b[k + 4], 0x31);
+    }
+}
+
+struct spots {
+    __m256 s, r, w[4];
+    __m256 uv[6];
+    __m256i occlusion[2], normal[4], open[4]; /* words of the records */
+};
+
 static inline struct spots spots_of(const struct sv_leaf_form *form, __m256i piece, __m256i place)
 {
-    const uint32_t *corners = form->corners[0];
-    __m256i at = _mm256_slli_epi32(piece, 2), v[4];
-    for (int k = 0; k < 4; k++)
-        v[k] = gather(corners + k, at);
-    __m256 unit = splat(1.0f / 65535);
+    struct spots spots;
+    uint32_t of[LANES];
+    __m256 low[LANES], high[LANES], unit = splat(1.0f / 65535), zero = _mm256_setzero_ps();
+    _mm256_storeu_si256((__m256i *)(void *)of, piece);
+    for (int k = 0; k < LANES; k++) {
+        const float *record = (const float *)(const void *)&form->records[of[k]];
+        low[k] = _mm256_load_ps(record);
+        high[k] = _mm256_load_ps(record + 8);
+    }
+    transpose(low);
+    transpose(high);
+    for (int k = 0; k < 6; k++)
+        spots.uv[k] = low[k];
+    for (int k = 0; k < 2; k++)
+        spots.occlusion[k] = _mm256_castps_si256(low[6 + k]);
+    for (int k = 0; k < 4; k++) {
+        spots.normal[k] = _mm256_castps_si256(high[k]);
+        spots.open[k] = _mm256_castps_si256(high[4 + k]);
+    }
     __m256 s = mul(_mm256_cvtepi32_ps(_mm256_and_si256(place, _mm256_set1_epi32(0xffff))), unit);
     __m256 r = mul(_mm256_cvtepi32_ps(_mm256_srli_epi32(place, 16)), unit);
-    __m256 single = _mm256_castsi256_ps(_mm256_cmpeq_epi32(v[3], _mm256_set1_epi32(-1)));
-    __m256 upper = _mm256_cmp_ps(s, r, _CMP_GE_OQ), first = _mm256_or_ps(single, upper);
-    __m256 b = _mm256_blendv_ps(s, sub(s, r), _mm256_andnot_ps(single, upper));
-    __m256 c = _mm256_blendv_ps(sub(r, s), r, first);
-    __m256i pick = _mm256_castps_si256(first);
-    struct spots spots = {{v[0], _mm256_blendv_epi8(v[2], v[1], pick), _mm256_blendv_epi8(v[3], v[2], pick)},
-                          {sub(splat(1), add(b, c)), b, c}};
-    for (int k = 0; k < 3; k++)
-        spots.word[k] = _mm256_slli_epi32(spots.word[k], 3);
+    __m256 card = _mm256_castsi256_ps(_mm256_slli_epi32(spots.normal[0], 1)); /* SV_LEAF_CARD is the sign */
+    spots.s = s;
+    spots.r = r;
+    spots.w[1] = _mm256_blendv_ps(s, _mm256_max_ps(sub(s, r), zero), card);
+    spots.w[2] = _mm256_blendv_ps(r, _mm256_min_ps(s, r), card);
+    spots.w[3] = _mm256_blendv_ps(zero, _mm256_max_ps(sub(r, s), zero), card);
+    spots.w[0] = sub(splat(1), add(add(spots.w[1], spots.w[2]), spots.w[3]));
     return spots;
 }
 
-static inline __m256 mix3(const struct spots *spots, const __m256 v[3])
+static inline __m256 mix4(const struct spots *spots, const __m256 v[4])
 {
-    return add(add(mul(spots->w[0], v[0]), mul(spots->w[1], v[1])), mul(spots->w[2], v[2]));
+    return add(add(mul(spots->w[0], v[0]), mul(spots->w[1], v[1])),
+               add(mul(spots->w[2], v[2]), mul(spots->w[3], v[3])));
 }
 
-static inline __m256 low_short(__m256i v)
+static inline __m256 occlusions_of(const struct spots *spots)
 {
-    return _mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(v, 16), 16));
-}
-
-/* Normal (world, unit) and occlusion. */
-static inline void normals_of(const struct sv_leaf_form *form, const struct spots *spots, const float turn[2],
-                              __m256 n[3], __m256 *occlusion)
-{
-    const uint32_t *words = (const uint32_t *)(const void *)form->mesh->vertices;
-    __m256 x[3], y[3], z[3], o[3];
-    for (int k = 0; k < 3; k++) {
-        __m256i xy = gather(words + 3, spots->word[k]), zo = gather(words + 4, spots->word[k]);
-        x[k] = low_short(xy);
-        y[k] = _mm256_cvtepi32_ps(_mm256_srai_epi32(xy, 16));
-        z[k] = low_short(zo);
-        o[k] = _mm256_cvtepi32_ps(_mm256_srli_epi32(zo, 16));
+    __m256 o[4];
+    for (int c = 0; c < 4; c++) {
+        __m256i pair = spots->occlusion[c >> 1];
+        o[c] = _mm256_cvtepi32_ps(c & 1 ? _mm256_srli_epi32(pair, 16)
+                                        : _mm256_and_si256(pair, _mm256_set1_epi32(0xffff)));
     }
-    __m256 mx = mix3(spots, x), my = mix3(spots, y);
+    return mul(mix4(spots, o), splat(1.0f / 65535));
+}
+
+/* World axes, unit. */
+static inline void normals_of(const struct spots *spots, const float turn[2], __m256 n[3])
+{
+    __m256 x[4], y[4], z[4];
+    for (int c = 0; c < 4; c++) {
+        __m256i v = spots->normal[c];
+        x[c] = _mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(v, 22), 22));
+        y[c] = _mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(v, 12), 22));
+        z[c] = _mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(v, 2), 22));
+    }
+    __m256 mx = mix4(spots, x), my = mix4(spots, y);
     n[0] = add(mul(splat(turn[0]), mx), mul(splat(turn[1]), my));
     n[1] = sub(mul(splat(turn[0]), my), mul(splat(turn[1]), mx));
-    n[2] = mix3(spots, z);
+    n[2] = mix4(spots, z);
     __m256 inverse = _mm256_div_ps(splat(1), _mm256_sqrt_ps(_mm256_max_ps(dot(n, n), splat(1e-20f))));
     for (int k = 0; k < 3; k++)
         n[k] = mul(n[k], inverse);
-    *occlusion = mul(mix3(spots, o), splat(1.0f / 65535));
 }
 
-static inline __m256 texel_of(__m256 u, int size)
+static inline __m256 texel_of(__m256 u, __m256 size)
 {
-    __m256 x = sub(mul(sub(u, _mm256_floor_ps(u)), splat((float)size)), splat(0.5f));
-    __m256 legal = _mm256_and_ps(_mm256_cmp_ps(x, splat(-1), _CMP_GE_OQ),
-                                 _mm256_cmp_ps(x, splat((float)size), _CMP_LE_OQ));
+    __m256 x = sub(mul(sub(u, _mm256_floor_ps(u)), size), splat(0.5f));
+    __m256 legal = _mm256_and_ps(_mm256_cmp_ps(x, splat(-1), _CMP_GE_OQ), _mm256_cmp_ps(x, size, _CMP_LE_OQ));
     return _mm256_and_ps(x, legal);
 }
 
-static inline void wrap(__m256i i, int size, __m256i out[2])
+static inline void wrap(__m256i i, __m256i size, __m256i out[2])
 {
-    __m256i next = _mm256_add_epi32(i, _mm256_set1_epi32(1)), all = _mm256_set1_epi32(size);
-    out[0] = _mm256_add_epi32(i, _mm256_and_si256(_mm256_srai_epi32(i, 31), all));
-    out[1] = _mm256_sub_epi32(next, _mm256_andnot_si256(_mm256_cmpgt_epi32(all, next), all));
+    __m256i next = _mm256_add_epi32(i, _mm256_set1_epi32(1));
+    out[0] = _mm256_add_epi32(i, _mm256_and_si256(_mm256_srai_epi32(i, 31), size));
+    out[1] = _mm256_sub_epi32(next, _mm256_andnot_si256(_mm256_cmpgt_epi32(size, next), size));
 }
 
 static inline __m256 mix(__m256 a, __m256 b, __m256 t)
@@ -152,34 +187,55 @@ static inline __m256 mix(__m256 a, __m256 b, __m256 t)
     return add(a, mul(sub(b, a), t));
 }
 
-static inline void albedos_of(const struct sv_leaf_form *form, const struct sv_tree_material *material,
-                              const struct spots *spots, __m256 rgb[3])
+static inline __m256i levels_of(const struct sv_leaf_paint *paint, __m256 z)
 {
-    const struct sv_image *image = &material->albedo;
-    const uint32_t *words = (const uint32_t *)(const void *)form->mesh->vertices;
+    __m256 texels = mul(splat(paint->texels), paint->job->eye.orthographic ? splat(1) : z);
+    __m256i level = _mm256_sub_epi32(_mm256_srli_epi32(_mm256_castps_si256(texels), 23), _mm256_set1_epi32(127));
+    level = _mm256_max_epi32(level, _mm256_setzero_si256());
+    return _mm256_min_epi32(level, _mm256_set1_epi32(paint->map->level_count - 1));
+}
+
+static inline __m256i of_level(const void *table, __m256i level)
+{
+    return _mm256_permutevar8x32_epi32(_mm256_loadu_si256((const __m256i *)table), level);
+}
+
+/* Texels of eight lanes: from the small levels, and one by one from level 0 where a lane wants that. */
+static inline __m256i texels_at(const struct sv_leaf_map *map, __m256i level, __m256i at)
+{
+    __m256i whole = _mm256_cmpeq_epi32(level, _mm256_setzero_si256());
+    __m256i small = _mm256_andnot_si256(whole, _mm256_set1_epi32(-1));
+    __m256i index = _mm256_add_epi32(of_level(map->offset, level), at), zero = _mm256_setzero_si256();
+    __m256i v = _mm256_mask_i32gather_epi32(zero, (const int *)(const void *)map->levels, index, small, 4);
+    if (_mm256_movemask_epi8(whole))
+        v = _mm256_mask_i32gather_epi32(v, (const int *)(const void *)map->rgba, at, whole, 4);
+    return v;
+}
+
+static inline void albedos_of(const struct sv_leaf_paint *paint, const struct spots *spots, __m256 z,
+                              __m256 rgb[3])
+{
+    const struct sv_leaf_map *map = paint->map;
+    const __m256 *uv = spots->uv;
     for (int c = 0; c < 3; c++)
-        rgb[c] = splat(material->base_color[c]);
-    if (!image->data)
+        rgb[c] = splat(paint->material->base_color[c]);
+    if (!map->rgba)
         return;
-    __m256 u[3], v[3];
-    for (int k = 0; k < 3; k++) {
-        u[k] = _mm256_castsi256_ps(gather(words + 5, spots->word[k]));
-        v[k] = _mm256_castsi256_ps(gather(words + 6, spots->word[k]));
-    }
-    __m256 x = texel_of(mix3(spots, u), image->width), y = texel_of(mix3(spots, v), image->height);
+    __m256i level = levels_of(paint, z), w = of_level(map->widths, level), h = of_level(map->heights, level);
+    __m256 u = add(add(uv[0], mul(spots->s, uv[2])), mul(spots->r, uv[4]));
+    __m256 v = add(add(uv[1], mul(spots->s, uv[3])), mul(spots->r, uv[5]));
+    __m256 x = texel_of(u, _mm256_cvtepi32_ps(w)), y = texel_of(v, _mm256_cvtepi32_ps(h));
     __m256 bx = _mm256_floor_ps(x), by = _mm256_floor_ps(y), fu = sub(x, bx), fv = sub(y, by);
     __m256i i[2], j[2], texel[4];
-    wrap(_mm256_cvttps_epi32(bx), image->width, i);
-    wrap(_mm256_cvttps_epi32(by), image->height, j);
-    for (int k = 0; k < 4; k++) {
-        __m256i row = _mm256_mullo_epi32(j[k >> 1], _mm256_set1_epi32(image->width));
-        texel[k] = gather(image->data, _mm256_add_epi32(row, i[k & 1]));
-    }
+    wrap(_mm256_cvttps_epi32(bx), w, i);
+    wrap(_mm256_cvttps_epi32(by), h, j);
+    for (int k = 0; k < 4; k++)
+        texel[k] = texels_at(map, level, _mm256_add_epi32(_mm256_mullo_epi32(j[k >> 1], w), i[k & 1]));
     for (int c = 0; c < 3; c++) {
         __m256 a[4];
         for (int k = 0; k < 4; k++) {
-            __m256i level = _mm256_and_si256(_mm256_srli_epi32(texel[k], 8 * c), _mm256_set1_epi32(255));
-            a[k] = _mm256_i32gather_ps(sv_linear_from_srgb8, level, 4);
+            __m256i code = _mm256_and_si256(_mm256_srli_epi32(texel[k], 8 * c), _mm256_set1_epi32(255));
+            a[k] = _mm256_i32gather_ps(sv_linear_from_srgb8, code, 4);
         }
         rgb[c] = mul(mix(mix(a[0], a[1], fu), mix(a[2], a[3], fu), fv), rgb[c]);
     }
@@ -245,16 +301,15 @@ static inline __m256 visible_of(const struct sv_leaf_paint *paint, const struct 
                                 const struct spots *spots)
 {
     const struct sv_leaf_light *light = paint->light;
-    const uint32_t *words = (const uint32_t *)(const void *)paint->job->form->mesh->vertices;
     const float *d = light->model_sun;
-    __m256 open[3];
-    for (int k = 0; k < 3; k++) {
-        __m256i v = gather(words + 7, spots->word[k]);
+    __m256 open[4];
+    for (int c = 0; c < 4; c++) {
+        __m256i v = spots->open[c];
         __m256 t = add(mul(byte_of(v, 0), splat(d[0])), mul(byte_of(v, 1), splat(d[1])));
         t = add(add(t, mul(byte_of(v, 2), splat(d[2]))), byte_of(v, 3));
-        open[k] = held(mul(t, splat(1.0f / 127)), 1);
+        open[c] = held(mul(t, splat(1.0f / 127)), 1);
     }
-    __m256 mean = mix3(spots, open);
+    __m256 mean = mix4(spots, open);
     if (!light->shadows)
         return mean;
     __m256 facing = sub(dot_with(sights->to_viewer, light->to_sun), splat(1));
@@ -269,9 +324,10 @@ static inline __m256i light_of(const struct sv_leaf_paint *paint, const struct s
                                const struct spots *spots, __m256 n[3])
 {
     const struct sv_leaf_light *light = paint->light;
-    __m256 rgb[3], occlusion, minus = splat(-0.0f), visible = visible_of(paint, sights, spots);
-    normals_of(paint->job->form, spots, light->turn, n, &occlusion);
-    albedos_of(paint->job->form, paint->material, spots, rgb);
+    __m256 rgb[3], minus = splat(-0.0f), visible = visible_of(paint, sights, spots);
+    __m256 occlusion = occlusions_of(spots);
+    normals_of(spots, light->turn, n);
+    albedos_of(paint, spots, sights->z, rgb);
     __m256 away = _mm256_cmp_ps(dot(n, sights->to_viewer), _mm256_setzero_ps(), _CMP_LT_OQ);
     for (int k = 0; k < 3; k++)
         n[k] = _mm256_xor_ps(n[k], _mm256_and_ps(away, minus));

@@ -1,8 +1,9 @@
 /* leaf_splat.c - see leaf_splat.h: forms, and which clusters of a tree are drawn in which order.
  *
  * Clusters are drawn nearest first, in 64 slices of the tree's depth. One whose nearest point lies behind the
- * farthest depth of every 16 x 16 tile that it can touch is left out; tiles are looked at again only when asked for
- * after something was drawn there. Depths only come nearer, so an old answer hides too little, never too much. */
+ * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls; foliage has
+ * gaps and hides next to nothing so); tiles are looked at again when asked for after a tree was drawn there. Depths
+ * only come nearer: an old answer hides too little, never too much. */
 #include "core/tree/leaf_splat.h"
 
 #include <math.h>
@@ -12,7 +13,7 @@
 #include "core/base/color.h"
 #include "core/tree/leaf_kernel.h"
 
-enum { TILE = 16, SLICES = 64, BAND_PIXELS = 1 << 20 };
+enum { TILE = 16, SLICES = 64, BAND_PIXELS = 1 << 20, BAND_SAMPLES = 1 << 18 };
 
 /* Leaves grow and go within this share of the ranks. */
 static const float WINDOW = 1.0f / 16;
@@ -42,6 +43,9 @@ struct sv_leaf_splat {
     struct sv_leaf_job *job;
     struct sv_leaf_seen *seen; /* all zero between trees */
     size_t seen_room;
+    float *sample_depth; /* more than one sample a pixel: the band's; */
+    uint8_t *sample_color; /* alpha 0: no tree */
+    size_t sample_room;
     struct seen_cluster *list, *sorted;
     uint32_t list_room;
     float *tile_far; /* by tile: least depth in it */
@@ -58,8 +62,12 @@ struct tree_pass {
     const struct sv_canvas *canvas; /* the band */
     const struct sv_tree *tree;
     const struct sv_leaf_splat_trees *trees;
-    double focal, center[2]; /* px; where the axis meets the band, in pixel coordinates (leaf_kernel.h) */
+    /* Samples across and down a pixel; focal length in them; where the axis meets the band, in their coordinates
+     * (leaf_kernel.h: a sample is a pixel there). */
+    int across, down;
+    double focal, focal_x, focal_y, center[2];
     int tiles_x;
+    uint8_t *color;
     int i0, j0, i1, j1; /* pixels that the tree can have touched */
     struct sv_leaf_splat_stats stats;
 };
@@ -104,6 +112,8 @@ void sv_leaf_splat_destroy(struct sv_leaf_splat *splat)
     free(splat->species);
     free(splat->job);
     free(splat->seen);
+    free(splat->sample_depth);
+    free(splat->sample_color);
     free(splat->list);
     free(splat->sorted);
     free(splat->tile_far);
@@ -204,16 +214,17 @@ static void set_eye(const struct tree_pass *pass, struct sv_leaf_eye *eye)
     const struct sv_camera *camera = &pass->view->camera;
     bool orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
     double cx = orthographic ? 0 : pass->center[0], cy = orthographic ? 0 : pass->center[1];
-    set_row(pass, sv_madd(sv_scale(camera->right, pass->focal), camera->forward, cx),
+    set_row(pass, sv_madd(sv_scale(camera->right, pass->focal_x), camera->forward, cx),
             orthographic ? pass->center[0] : 0, eye->m[0]);
-    set_row(pass, sv_madd(sv_scale(camera->up, -pass->focal), camera->forward, cy),
+    set_row(pass, sv_madd(sv_scale(camera->up, -pass->focal_y), camera->forward, cy),
             orthographic ? pass->center[1] : 0, eye->m[1]);
     set_row(pass, camera->forward, 0, eye->m[2]);
     eye->orthographic = orthographic;
+    eye->height_px = (float)(pass->focal * (double)pass->tree->height_m);
     eye->near_m = (float)camera->near_m;
     eye->far_m = (float)camera->far_m;
-    eye->width = pass->canvas->width;
-    eye->height = pass->canvas->row_count;
+    eye->width = pass->canvas->width * pass->across;
+    eye->height = pass->canvas->row_count * pass->down;
 }
 
 static void to_float3(struct sv_vec3 v, float out[3])
@@ -244,7 +255,7 @@ static void set_light(const struct tree_pass *pass, uint32_t index, struct sv_le
     bool orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
     double c = cos((double)t->rotation_rad), s = sin((double)t->rotation_rad), z = sky->to_sun.z;
     *light = (struct sv_leaf_light){.turn = {(float)c, (float)s}, .air = sky->air};
-    struct sv_vec3 ray[3] = {sv_scale(camera->right, 1 / pass->focal), sv_scale(camera->up, -1 / pass->focal)};
+    struct sv_vec3 ray[3] = {sv_scale(camera->right, 1 / pass->focal_x), sv_scale(camera->up, -1 / pass->focal_y)};
     ray[2] = sv_madd(sv_scale(ray[0], -pass->center[0]), ray[1], -pass->center[1]);
     if (!orthographic)
         ray[2] = sv_add(ray[2], camera->forward);
@@ -309,23 +320,23 @@ static bool see_cluster(const struct tree_pass *pass, const struct sv_leaf_job *
     const struct sv_leaf_eye *eye = &job->eye;
     float scale = sv_leaf_thins(job, cluster) ? fmaxf(job->thin.scale, 1) : 1;
     double r = (double)pass->tree->height_m * (double)(cluster->radius + scale * cluster->reach);
-    double z = (double)at(eye->m[2], cluster->middle), f = pass->focal;
+    double z = (double)at(eye->m[2], cluster->middle);
     double a = (double)at(eye->m[0], cluster->middle), b = (double)at(eye->m[1], cluster->middle);
-    double x[2], y[2];
+    double fx = pass->focal_x, fy = pass->focal_y, x[2], y[2];
     seen->nearest = (float)(z - r);
     if (eye->orthographic) {
         if (z + r < 0)
             return false;
-        x[0] = a - f * r - 1, x[1] = a + f * r + 1;
-        y[0] = b - f * r - 1, y[1] = b + f * r + 1;
+        x[0] = a - fx * r - 1, x[1] = a + fx * r + 1;
+        y[0] = b - fy * r - 1, y[1] = b + fy * r + 1;
     } else {
         if (z + r < (double)eye->near_m)
             return false;
         if (z - r < (double)eye->near_m) {
             x[0] = y[0] = -1e9, x[1] = y[1] = 1e9;
         } else {
-            spread((a - pass->center[0] * z) / f, z, r, f, pass->center[0], x);
-            spread((b - pass->center[1] * z) / f, z, r, f, pass->center[1], y);
+            spread((a - pass->center[0] * z) / fx, z, r, fx, pass->center[0], x);
+            spread((b - pass->center[1] * z) / fy, z, r, fy, pass->center[1], y);
         }
     }
     return clip_range(x[0], x[1], eye->width, &seen->i0, &seen->i1) &&
@@ -347,11 +358,11 @@ static float tile_least(struct sv_leaf_splat *splat, const struct tree_pass *pas
     return splat->tile_far[tile];
 }
 
-static void mark_tiles(struct sv_leaf_splat *splat, const struct tree_pass *pass, int i0, int j0, int i1, int j1)
+static void mark_tiles(struct sv_leaf_splat *splat, const struct tree_pass *pass)
 {
-    for (int ty = j0 / TILE; ty <= j1 / TILE; ty++)
-        memset(splat->tile_old + (size_t)ty * (size_t)pass->tiles_x + (size_t)(i0 / TILE), 1,
-               (size_t)(i1 / TILE - i0 / TILE + 1));
+    size_t columns = (size_t)(pass->i1 / TILE - pass->i0 / TILE + 1);
+    for (int ty = pass->j0 / TILE; ty <= pass->j1 / TILE; ty++)
+        memset(splat->tile_old + (size_t)ty * (size_t)pass->tiles_x + (size_t)(pass->i0 / TILE), 1, columns);
 }
 
 /* Whether all that the cluster could show lies behind what is there. */
@@ -413,8 +424,9 @@ static void draw_group(struct sv_leaf_splat *splat, struct tree_pass *pass, uint
     const struct sv_leaf_cluster *clusters = job->form->clusters;
     const struct sv_tree_material *m = &job->form->mesh->materials[clusters[first].material];
     job->card = clusters[first].card;
-    job->mask = (struct sv_leaf_mask){clusters[first].masked ? m->albedo.data : NULL, m->albedo.width,
-                                      m->albedo.height, m->base_color[3], m->alpha_cutoff};
+    job->mask = clusters[first].masked ? &job->form->maps[clusters[first].material] : NULL;
+    job->alpha_factor = m->base_color[3];
+    job->alpha_cutoff = m->alpha_cutoff;
     uint32_t count = 0;
     for (uint32_t k = first; k < last; k++) {
         splat->list[count].cluster = k;
@@ -432,7 +444,6 @@ static void draw_group(struct sv_leaf_splat *splat, struct tree_pass *pass, uint
         }
         pass->kernel->project(job, &clusters[seen->cluster]);
         grow_box(pass, seen);
-        mark_tiles(splat, pass, seen->i0, seen->j0, seen->i1, seen->j1);
     }
     empty_queues(splat, pass);
 }
@@ -443,11 +454,14 @@ static void shade_list(struct sv_leaf_splat *splat, struct tree_pass *pass, cons
                        int material)
 {
     struct sv_leaf_paint paint = {.material = &splat->job->form->mesh->materials[material],
+                                  .map = &splat->job->form->maps[material],
                                   .job = splat->job,
                                   .light = light,
-                                  .color = (uint8_t(*)[4])(void *)pass->canvas->color,
+                                  .color = (uint8_t(*)[4])(void *)pass->color,
                                   .id = pass->canvas->id,
                                   .normal = (float(*)[3])(void *)pass->canvas->normal};
+    if (!pass->trees->level_0)
+        paint.texels = paint.map->density / splat->job->eye.height_px;
     pass->kernel->shade(&paint, splat->lit[material], (int)splat->lit_count[material]);
     pass->stats.pixels += splat->lit_count[material];
     splat->lit_count[material] = 0;
@@ -464,6 +478,7 @@ static void shade_tree(struct sv_leaf_splat *splat, struct tree_pass *pass, uint
         for (int i = pass->i0; i <= pass->i1; i++) {
             if (row[i].piece == 0)
                 continue;
+            __builtin_prefetch(&job->form->records[row[i].piece - 1]);
             int m = job->form->material[row[i].piece - 1];
             splat->lit[m][splat->lit_count[m]++] = (uint32_t)i | (uint32_t)j << 16;
             if (splat->lit_count[m] == SV_LEAF_LIT)
@@ -511,6 +526,9 @@ static enum sv_status draw_tree(struct sv_leaf_splat *splat, struct tree_pass *p
         draw_group(splat, pass, k, n);
     }
     pass->stats.trees += pass->j1 >= 0;
+    if (pass->j1 < 0)
+        return SV_OK;
+    mark_tiles(splat, pass);
     shade_tree(splat, pass, index);
     return SV_OK;
 }
@@ -552,26 +570,117 @@ void sv_leaf_splat_set_level(struct sv_leaf_splat *splat, enum sv_simd level)
     splat->kernel = sv_leaf_kernel_at(level);
 }
 
+/* Every sample starts with its pixel's depth and without colour. */
+static enum sv_status begin_samples(struct sv_leaf_splat *splat, const struct tree_pass *pass,
+                                    struct sv_error *error)
+{
+    const struct sv_canvas *band = pass->canvas;
+    size_t columns = (size_t)(band->width * pass->across), n = columns * (size_t)(band->row_count * pass->down);
+    if (splat->sample_room < n) {
+        free(splat->sample_depth);
+        free(splat->sample_color);
+        splat->sample_depth = malloc(n * sizeof *splat->sample_depth);
+        splat->sample_color = malloc(n * 4);
+        splat->sample_room = splat->sample_depth && splat->sample_color ? n : 0;
+        if (!splat->sample_room)
+            return sv_fail(error, SV_ENOMEM, "trees", "no memory for %zu samples", n);
+    }
+    memset(splat->sample_color, 0, n * 4);
+    for (int j = 0; j < band->row_count; j++) {
+        const float *from = band->depth + (size_t)j * (size_t)band->width;
+        float *to = splat->sample_depth + (size_t)(j * pass->down) * columns;
+        for (int i = 0; i < band->width; i++)
+            for (int k = 0; k < pass->across; k++)
+                to[i * pass->across + k] = from[i];
+        for (int k = 1; k < pass->down; k++)
+            memcpy(to + (size_t)k * columns, to, columns * sizeof *to);
+    }
+    return SV_OK;
+}
+
+/* One pixel from its samples, first of which is `at` of the band's. */
+static void end_pixel(const struct sv_leaf_splat *splat, const struct tree_pass *pass, size_t pixel, size_t at)
+{
+    size_t columns = (size_t)(pass->canvas->width * pass->across);
+    int covered = 0, samples = pass->across * pass->down;
+    float sum[3] = {0}, nearest = 0;
+    for (int k = 0; k < samples; k++) {
+        size_t p = at + (size_t)(k / pass->across) * columns + (size_t)(k % pass->across);
+        const uint8_t *c = splat->sample_color + 4 * p;
+        if (c[3] == 0)
+            continue;
+        covered++;
+        nearest = fmaxf(nearest, splat->sample_depth[p]);
+        for (int a = 0; a < 3; a++)
+            sum[a] += sv_linear_from_srgb8[c[a]];
+    }
+    if (covered == 0)
+        return;
+    uint8_t *to = pass->canvas->color + 4 * pixel;
+    float bare = (float)(samples - covered), each = 1 / (float)samples;
+    for (int a = 0; a < 3; a++)
+        to[a] = sv_srgb8_from_linear((sum[a] + bare * sv_linear_from_srgb8[to[a]]) * each);
+    to[3] = (uint8_t)(((float)covered * 255 + bare * (float)to[3]) * each + 0.5f);
+    if (2 * covered >= samples)
+        pass->canvas->depth[pixel] = nearest;
+}
+
+/* Pixels of the box of samples that any tree can have touched. */
+static void end_samples(const struct sv_leaf_splat *splat, const struct tree_pass *pass, const int box[4])
+{
+    size_t columns = (size_t)(pass->canvas->width * pass->across);
+    for (int j = box[1] / pass->down; j <= box[3] / pass->down; j++)
+        for (int i = box[0] / pass->across; i <= box[2] / pass->across; i++)
+            end_pixel(splat, pass, (size_t)j * (size_t)pass->canvas->width + (size_t)i,
+                      (size_t)(j * pass->down) * columns + (size_t)(i * pass->across));
+}
+
 static enum sv_status draw_band(struct sv_leaf_splat *splat, struct tree_pass *pass, struct sv_error *error)
 {
     const struct sv_camera *camera = &pass->view->camera;
     const struct sv_canvas *band = pass->canvas;
     const struct sv_leaf_splat_trees *list = pass->trees;
-    pass->center[0] = 0.5 * camera->width - pass->view->shift_x_px - 0.5;
-    pass->center[1] = 0.5 * camera->height - pass->view->shift_y_px - 0.5 - band->row_first;
-    pass->tiles_x = (band->width + TILE - 1) / TILE;
-    size_t tiles = (size_t)pass->tiles_x * (size_t)((band->row_count + TILE - 1) / TILE);
-    enum sv_status status = make_room(splat, (size_t)band->width * (size_t)band->row_count, tiles, error);
+    bool many = pass->across * pass->down > 1;
+    int width = band->width * pass->across, height = band->row_count * pass->down;
+    int box[4] = {1 << 20, 1 << 20, -1, -1};
+    pass->center[0] = (0.5 * camera->width - pass->view->shift_x_px) * pass->across - 0.5;
+    pass->center[1] = (0.5 * camera->height - pass->view->shift_y_px - band->row_first) * pass->down - 0.5;
+    pass->tiles_x = (width + TILE - 1) / TILE;
+    size_t tiles = (size_t)pass->tiles_x * (size_t)((height + TILE - 1) / TILE);
+    enum sv_status status = make_room(splat, (size_t)width * (size_t)height, tiles, error);
+    if (!status && many)
+        status = begin_samples(splat, pass, error);
     if (status)
         return status;
     memset(splat->tile_old, 1, tiles);
-    splat->job->depth = band->depth;
+    pass->color = many ? splat->sample_color : band->color;
+    splat->job->depth = many ? splat->sample_depth : band->depth;
     splat->job->seen = splat->seen;
     for (uint32_t k = 0; k < list->count && !status; k++) {
         pass->tree = &list->trees[list->entries[k].tree];
         status = draw_tree(splat, pass, k, list->entries[k].tree, error);
+        box[0] = pass->i0 < box[0] ? pass->i0 : box[0];
+        box[1] = pass->j0 < box[1] ? pass->j0 : box[1];
+        box[2] = pass->i1 > box[2] ? pass->i1 : box[2];
+        box[3] = pass->j1 > box[3] ? pass->j1 : box[3];
     }
+    if (many && box[2] >= 0)
+        end_samples(splat, pass, box);
     return status;
+}
+
+static bool lattice_of(int samples, int *across, int *down)
+{
+    static const struct {
+        int samples, across, down;
+    } lattice[] = {{1, 1, 1}, {2, 1, 2}, {4, 2, 2}, {8, 4, 2}, {16, 4, 4}};
+    for (size_t k = 0; k < sizeof lattice / sizeof *lattice; k++)
+        if (lattice[k].samples == samples) {
+            *across = lattice[k].across;
+            *down = lattice[k].down;
+            return true;
+        }
+    return false;
 }
 
 enum sv_status sv_leaf_splat_draw(struct sv_leaf_splat *splat, const struct sv_leaf_view *view,
@@ -584,7 +693,15 @@ enum sv_status sv_leaf_splat_draw(struct sv_leaf_splat *splat, const struct sv_l
                        canvas->height, camera->width, camera->height);
     struct tree_pass pass = {
         .kernel = splat->kernel, .view = view, .trees = trees, .focal = sv_camera_focal_px(camera)};
-    int last = canvas->row_first + canvas->row_count, most = BAND_PIXELS / canvas->width;
+    if (!lattice_of(trees->samples, &pass.across, &pass.down))
+        return sv_fail(error, SV_EINVAL, "samples", "%d samples a pixel: 1, 2, 4, 8 or 16", trees->samples);
+    if (trees->samples > 1 && (canvas->id || canvas->normal))
+        return sv_fail(error, SV_EINVAL, "samples", "ids and normals are of one sample a pixel, not of %d",
+                       trees->samples);
+    pass.focal_x = pass.focal * pass.across;
+    pass.focal_y = pass.focal * pass.down;
+    int samples = trees->samples, room = samples > 1 ? BAND_SAMPLES / samples : BAND_PIXELS;
+    int last = canvas->row_first + canvas->row_count, most = room / canvas->width;
     most = most > TILE ? most / TILE * TILE : TILE;
     enum sv_status status = SV_OK;
     for (int row = canvas->row_first; row < last && trees->count > 0 && !status; row += most) {

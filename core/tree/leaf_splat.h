@@ -1,7 +1,7 @@
 /* leaf_splat.h - near trees drawn on the CPU: a species' mesh, leaf cards as parallelograms, into a canvas.
  *
- * Exact at fraction 1: the picture that trees=polygon has at one sample a pixel (the alpha rule of mesh.h, the
- * light of tree_mesh.frag), found per pixel by the ray through its centre. At smaller fractions a tree is
+ * Exact at fraction 1 (and level_0): the picture that trees=polygon has at one sample a pixel (the alpha rule of
+ * mesh.h, the light of tree_mesh.frag), found per pixel by the ray through its centre. At smaller fractions a tree is
  * thinned out after Cook, Halstead, Planck and Ryu, "Stochastic simplification of aggregate detail" (SIGGRAPH
  * 2007, section 3): leaves are left out in a stored random order, those that stay grow in area so that the sum
  * stays; the last ones shrink to nothing before they go, so that nothing pops.
@@ -34,6 +34,9 @@ struct sv_leaf_splat_trees {
     uint32_t count;
     const float *fraction; /* by entry: share of the leaves, 0..1, that is drawn; NULL: sv_leaf_splat_fraction */
     const float *weight;   /* by entry: share of those that has come, 0..1, for cross-fades; NULL: 1 */
+    int samples; /* a pixel: 1, 2, 4, 8 or 16, on a lattice of its own; more than 1: colour alone (below) */
+    bool level_0; /* colour from the textures' own texels, as trees=polygon has it; else from the level whose texels are
+                     about a pixel: nearer to the mean over the pixel, and faster */
     struct sv_tree_lights lights; /* {NULL, NULL}: no shadows */
     uint32_t id_first;            /* id is this + sv_tree.number */
 };
@@ -59,8 +62,12 @@ size_t sv_leaf_splat_bytes(const struct sv_leaf_splat *splat, int species);
  * leaves or without a form. */
 float sv_leaf_splat_fraction(const struct sv_leaf_splat *splat, int species, double height_px);
 
-/* Draws trees into the canvas' band. SV_ENOMEM (the canvas holds some of the trees then); SV_EINVAL for a canvas
- * that is not of the camera's size, and for a tree of a species without a mesh. stats may be NULL. */
+/* Draws trees into the canvas' band. More than one sample a pixel: the colour is the mean in linear light of what the
+ * samples show, the canvas' own colour where they show nothing of the trees (so that what lies behind, far trees
+ * too, is to be there before); depth is written where half of them or more show a tree, that of the nearest. SV_ENOMEM
+ * (the canvas holds some of the trees then); SV_EINVAL for a canvas that is not of the camera's size, for a tree of a
+ * species without a mesh, for another number of samples, and for more than one with a plane of ids or
+ * normals. stats may be NULL. */
 SV_MUST_CHECK enum sv_status sv_leaf_splat_draw(struct sv_leaf_splat *splat, const struct sv_leaf_view *view,
                                                 const struct sv_canvas *canvas,
                                                 const struct sv_leaf_splat_trees *trees,

@@ -17,7 +17,7 @@
 #include "tests/core/tree/leaf_fixture.h"
 #include "tests/core/view/scene_kit.h"
 
-enum { ROUNDS = 9 };
+enum { ROUNDS = 5 };
 
 static double now_ms(void)
 {
@@ -94,21 +94,28 @@ struct timing {
 };
 
 static struct timing draw(struct leaf_fixture *f, const struct sv_leaf_view *view, const struct sv_truth_picture *ground,
-                          const float *fraction, struct sv_canvas *keep)
+                          const float *fraction, int samples, struct sv_canvas *keep)
 {
     double ms[ROUNDS];
     struct timing t = {0};
     struct sv_error error;
     for (int k = 0; k < ROUNDS; k++) {
         struct sv_canvas canvas = leaf_canvas(ground, &view->camera);
+        uint32_t *id = canvas.id;
+        float *normal = canvas.normal;
+        canvas.id = samples > 1 ? NULL : id;
+        canvas.normal = samples > 1 ? NULL : normal;
         struct sv_leaf_splat_trees trees = {.trees = f->scene->forest.trees,
                                             .entries = f->entries,
                                             .count = f->scene->forest.count,
                                             .fraction = fraction,
+                                            .samples = samples,
                                             .id_first = SV_ID_TREE_FIRST};
         double start = now_ms();
         must(sv_leaf_splat_draw(f->splat, view, &canvas, &trees, &t.stats, &error), &error);
         ms[k] = now_ms() - start;
+        canvas.id = id;
+        canvas.normal = normal;
         if (k + 1 < ROUNDS)
             leaf_canvas_finish(&canvas);
         else
@@ -152,27 +159,73 @@ static void measure(struct leaf_fixture *f, const char *name, double px)
     leaf_fixture_truth(f, &view, 64, true, false, &truth);
     struct sv_image mask;
     tree_mask(&truth.color, &bare.color, &mask);
-    struct sv_canvas whole, thin;
-    const float all = 1;
-    struct timing t1 = draw(f, &view, &ground, &all, &whole), t2 = draw(f, &view, &ground, NULL, &thin);
     struct errors e0 = errors_of(one.color.data, &truth.color, &mask);
-    struct errors e1 = errors_of(whole.color, &truth.color, &mask);
-    struct errors e2 = errors_of(thin.color, &truth.color, &mask);
-    float fraction = sv_leaf_splat_fraction(f->splat, 0, px);
-    printf("%-10s %5.0f px  whole %6.2f ms (%u of %u clusters hidden, %llu px)  thin %4.2f: %6.2f ms  rays +%6.2f ms  "
-           "MAE %5.2f %5.2f rays %5.2f  SSIM %.3f %.3f rays %.3f  gradient %.2f %.2f rays %.2f\n",
-           name, px, t1.ms, t1.stats.hidden_clusters, t1.stats.clusters, (unsigned long long)t1.stats.pixels,
-           (double)fraction, t2.ms, ray_ms, e1.mae, e2.mae, e0.mae, e1.ssim, e2.ssim, e0.ssim, e1.gradient,
-           e2.gradient, e0.gradient);
-    keep_sheet(name, px, &truth.color,
-               (const uint8_t *const[4]){thin.color, whole.color, one.color.data, truth.color.data});
-    leaf_canvas_finish(&whole);
-    leaf_canvas_finish(&thin);
+    printf("%-10s %5.0f px  rays 1 x        +%7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px, ray_ms, e0.mae,
+           e0.ssim, e0.gradient);
+    static const struct {
+        int samples;
+        float fraction; /* 0: as it is chosen */
+    } ways[] = {{1, 1}, {2, 1}, {4, 1}, {8, 1}, {1, 0}, {4, 0}, {4, 0.5f}, {4, 0.25f}, {4, 0.12f}, {4, 0.06f}};
+    for (size_t k = 0; k < sizeof ways / sizeof *ways; k++) {
+        if (ways[k].fraction > 0 && ways[k].fraction < 1 && px > 120)
+            continue;
+        struct sv_canvas canvas;
+        float chosen = sv_leaf_splat_fraction(f->splat, 0, px), wish = ways[k].fraction;
+        struct timing t = draw(f, &view, &ground, wish > 0 ? &wish : NULL, ways[k].samples, &canvas);
+        struct errors e = errors_of(canvas.color, &truth.color, &mask);
+        printf("%-10s %5.0f px  leaves %d x %4.2f%s %7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px,
+               ways[k].samples, (double)(wish > 0 ? wish : chosen), wish > 0 ? " " : "*", t.ms, e.mae, e.ssim,
+               e.gradient);
+        if (k == 5)
+            keep_sheet(name, px, &truth.color,
+                       (const uint8_t *const[4]){canvas.color, one.color.data, one.color.data, truth.color.data});
+        leaf_canvas_finish(&canvas);
+    }
     sv_image_free(&mask);
     leaf_picture_finish(&ground);
     leaf_picture_finish(&one);
     leaf_picture_finish(&truth);
     leaf_picture_finish(&bare);
+}
+
+/* Time alone, over the bare ground: least of many rounds. */
+static void time_it(struct leaf_fixture *f, const char *name, double px, const float *fraction, int samples)
+{
+    struct sv_leaf_view view = view_of(px);
+    struct sv_truth_picture ground;
+    struct sv_error error;
+    leaf_fixture_truth(f, &view, 1, false, false, &ground);
+    struct sv_canvas canvas = leaf_canvas(&ground, &view.camera);
+    size_t n = (size_t)canvas.width * (size_t)canvas.height;
+    float *depth = malloc(n * sizeof *depth);
+    memcpy(depth, canvas.depth, n * sizeof *depth);
+    canvas.id = NULL;
+    free(canvas.normal);
+    canvas.normal = NULL;
+    double least = INFINITY, sum = 0;
+    int rounds = 0;
+    double budget = getenv("BENCH_MS") ? atof(getenv("BENCH_MS")) : 300;
+    struct sv_leaf_splat_stats stats;
+    for (; rounds < 20 || (sum < budget && rounds < 20000); rounds++) {
+        memcpy(canvas.depth, depth, n * sizeof *depth);
+        struct sv_leaf_splat_trees trees = {.trees = f->scene->forest.trees,
+                                            .entries = f->entries,
+                                            .count = f->scene->forest.count,
+                                            .fraction = fraction,
+                                            .samples = samples,
+                                            .id_first = SV_ID_TREE_FIRST};
+        double start = now_ms();
+        must(sv_leaf_splat_draw(f->splat, &view, &canvas, &trees, &stats, &error), &error);
+        double ms = now_ms() - start;
+        sum += ms;
+        least = fmin(least, ms);
+    }
+    printf("%-10s %5.0f px  %s %6.3f ms least, %6.3f mean  (%u of %u clusters hidden, %llu px)\n", name, px,
+           fraction ? "whole" : "4 thin", least, sum / rounds, stats.hidden_clusters, stats.clusters,
+           (unsigned long long)stats.pixels);
+    free(depth);
+    leaf_canvas_finish(&canvas);
+    leaf_picture_finish(&ground);
 }
 
 static void bench(const char *name, struct sv_tree_mesh *mesh)
@@ -193,8 +246,13 @@ static void bench(const char *name, struct sv_tree_mesh *mesh)
     const char *wish = getenv("BENCH_PX");
     static const double sizes[] = {30, 60, 120, 200, 250, 500, 1000};
     for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++)
-        if (!wish || atof(wish) == sizes[k])
-            measure(&f, name, sizes[k]);
+        if (!wish || atof(wish) == sizes[k]) {
+            const float all = 1;
+            time_it(&f, name, sizes[k], &all, 1);
+            time_it(&f, name, sizes[k], NULL, 4);
+            if (!getenv("BENCH_TIME"))
+                measure(&f, name, sizes[k]);
+        }
     leaf_fixture_finish(&f);
     sv_tree_mesh_finish(mesh);
 }
@@ -205,6 +263,8 @@ int main(int argc, char **argv)
     struct sv_error error = {0};
     struct sv_tree_mesh mesh;
     for (int k = 0; k < SV_HABIT_COUNT && leaves; k++) {
+        if (getenv("BENCH_HABIT") && atoi(getenv("BENCH_HABIT")) != k)
+            continue;
         must(sv_tree_grow((enum sv_habit)k, leaves, (uint64_t)k + 1, &mesh, &error), &error);
         bench(sv_habit_name((enum sv_habit)k), &mesh);
     }
