@@ -108,7 +108,6 @@ static cJSON *plan(const struct sv_resolved_view *resolved, bool *good)
         sv_api_json_add_number(object, "relief_texel_px", p->relief_texel_px,
                                good); /* of objects; 0: polygons */
         sv_api_json_add_number(object, "tree_error_px", p->tree_error_px, good);
-        sv_api_json_add_number(object, "triangle_budget", p->triangle_budget, good);
     }
     sv_api_json_add_bool(object, "air", resolved->air, good);
     return object;

@@ -254,15 +254,17 @@ static enum sv_cloud_form cloud_form(enum sv_tree_form form)
 }
 
 static enum sv_status draw_cloud(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
-                                 enum sv_tree_form form, struct sv_tree_lights lights, struct sv_error *error)
+                                 const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
+                                 struct sv_error *error)
 {
     enum sv_status status = SV_OK;
     if (!draw->clouds)
         status = sv_cloud_draw_create(draw->given, draw->species_count, draw->store, &SV_CLOUD_OPTIONS_DEFAULT,
                                       &draw->clouds, error);
     return status ? status
-                  : sv_cloud_draw_trees(draw->clouds, cloud_form(form), frame, draw->forest->trees,
-                                        draw->list.entries, draw->list.count, lights, error);
+                  : sv_cloud_draw_trees(draw->clouds, cloud_form(options->form), frame, draw->forest->trees,
+                                        draw->list.entries, draw->list.count, options->color_only, lights,
+                                        error);
 }
 
 enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
@@ -286,7 +288,7 @@ enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl
         own.trees[options->form] = draw->list.count;
         status = options->form == SV_TREE_FORM_POLYGON
                      ? draw_polygons(draw, frame, lights, error)
-                     : draw_cloud(draw, frame, options->form, lights, error);
+                     : draw_cloud(draw, frame, options, lights, error);
     }
     if (!status && stats)
         *stats = own;

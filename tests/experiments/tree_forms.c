@@ -63,7 +63,8 @@ static size_t bytes_cloud(const struct tree_forms *forms, int which)
 
 static const struct form FORMS[] = {
     {"polygon", draw_forest, bytes_forest, SV_TREE_FORM_POLYGON},
-    {"impostor", draw_forest, bytes_forest, SV_TREE_FORM_IMPOSTOR},
+    {"coarse", draw_forest, bytes_forest, SV_TREE_FORM_COARSE},
+    {"leaf", draw_forest, bytes_forest, SV_TREE_FORM_LEAF},
     {"billboard", draw_cloud, bytes_cloud, SV_CLOUD_FORM_BILLBOARD},
     {"density_paper", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY_PAPER},
     {"density", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY},

@@ -189,7 +189,7 @@ static void draw_ground(struct stage *s, const struct sv_camera *camera, bool qu
     must(sv_sky_draw(&frame, &error), &error);
     if (quads) {
         struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
-        options.form = SV_TREE_FORM_IMPOSTOR;
+        options.form = SV_TREE_FORM_COARSE;
         options.color_only = true;
         options.shade = s->shade;
         must(sv_gl_target_read(target, SV_LAYER_COLOR, color, &error), &error);
@@ -297,7 +297,7 @@ static void view(struct stage *s, const struct options *o, int trees, int k, dou
     draw_ground(s, &camera, false, &ground, &depth, NULL);
     sv_camera_planes(&camera, planes);
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
-    options.form = SV_TREE_FORM_IMPOSTOR;
+    options.form = SV_TREE_FORM_COARSE;
     for (int n = 0; n < REPEATS; n++) {
         memcpy(picture.data, ground.data, sv_image_bytes(&ground));
         double since = now_ms();

@@ -190,12 +190,25 @@ void fixture_draw(struct sv_tree_draw *draw, const struct sv_camera *camera, con
     fixture_ok(sv_gl_target_create(w, h, 15, &target, &error), &error);
     sv_gl_target_begin(target);
     fixture_ok(sv_gl_frame_begin(&frame, &error), &error);
-    fixture_ok(sv_tree_draw_forest(draw, &frame, options, &view->stats, &error), &error);
+    bool on_canvas = sv_tree_form_on_canvas(options->form);
+    if (!on_canvas)
+        fixture_ok(sv_tree_draw_forest(draw, &frame, options, &view->stats, &error), &error);
     void *data[4];
     read_layer(target, SV_LAYER_COLOR, w, h, 4, SV_PIXEL_U8, &data[0]);
     read_layer(target, SV_LAYER_DEPTH, w, h, 1, SV_PIXEL_F32, &data[1]);
     read_layer(target, SV_LAYER_NORMAL, w, h, 3, SV_PIXEL_F32, &data[2]);
     read_layer(target, SV_LAYER_ID, w, h, 1, SV_PIXEL_U32, &data[3]);
+    struct sv_canvas canvas = {.width = w,
+                               .height = h,
+                               .row_count = h,
+                               .depth = data[1],
+                               .color = data[0],
+                               .id = data[3],
+                               .normal = data[2]};
+    struct sv_tree_draw_options over = *options;
+    over.canvas = &canvas;
+    if (on_canvas)
+        fixture_ok(sv_tree_draw_forest(draw, &frame, &over, &view->stats, &error), &error);
     view->width = w;
     view->height = h;
     view->color = data[0];

@@ -38,6 +38,16 @@ static int teardown(void **state)
     return 0;
 }
 
+/* Exact, prefiltered, and what chooses between them. */
+static const enum sv_tree_form forms[] = {SV_TREE_FORM_POLYGON, SV_TREE_FORM_LEAF, SV_TREE_FORM_COARSE,
+                                          SV_TREE_FORM_AUTO};
+enum { FORMS = sizeof forms / sizeof forms[0], LIGHT_FORMS = 3 };
+
+static bool is_exact(enum sv_tree_form f)
+{
+    return f == SV_TREE_FORM_POLYGON || f == SV_TREE_FORM_LEAF;
+}
+
 static struct sv_tree_draw_options form(enum sv_tree_form f)
 {
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
@@ -82,7 +92,7 @@ static void culling_matches_brute_force(void **state)
     (void)state;
     enum { TREES = 3000 };
     static struct sv_tree trees[TREES];
-    static const struct sv_cull_species species[2] = {{0.6f, 100}, {0.3f, 3000}};
+    static const struct sv_cull_species species[2] = {{0.6f}, {0.3f}};
     struct sv_rng rng = sv_rng_seeded(11, 1);
     struct fixture_forest f;
     struct sv_cull_list list = {0};
@@ -101,13 +111,10 @@ static void culling_matches_brute_force(void **state)
         }
         double planes[5][4];
         sv_camera_planes(&c, planes);
-        struct sv_tree_draw_options options = form(SV_TREE_FORM_AUTO);
-        options.polygon_px = 60;
-        options.triangle_budget = 20000;
-        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, &options, &list, &error), &error);
+        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, &list, &error), &error);
         uint8_t drawn[TREES] = {0};
-        uint32_t total = list.polygon_count + list.impostor_count, seen = 0;
-        for (uint32_t k = 0; k < total; k++)
+        uint32_t seen = 0;
+        for (uint32_t k = 0; k < list.count; k++)
             drawn[list.entries[k].tree]++;
         for (uint32_t k = 0; k < TREES; k++) {
             bool want = !outside(&f.trees[k], (double)species[f.trees[k].species].radius, eye, planes);
@@ -117,20 +124,8 @@ static void culling_matches_brute_force(void **state)
             seen += want;
         }
         assert_int_equal(list.culled, TREES - seen);
-        uint64_t triangles = 0;
-        for (uint32_t k = 0; k < total; k++) {
-            const struct sv_tree *tree = &f.trees[list.entries[k].tree];
-            bool polygon = k < list.polygon_count, first = k == 0 || k == list.polygon_count;
-            if (!first) /* nearest first, then farthest first */
-                assert_true(polygon ? list.entries[k].key >= list.entries[k - 1].key
-                                    : list.entries[k].key <= list.entries[k - 1].key);
-            if (polygon) {
-                assert_true(sv_cull_height_px(&c, tree) >= options.polygon_px);
-                triangles += species[tree->species].triangles;
-            }
-        }
-        assert_int_equal(triangles, list.triangles);
-        assert_true(triangles <= options.triangle_budget);
+        for (uint32_t k = 1; k < list.count; k++) /* nearest first */
+            assert_true(list.entries[k].key >= list.entries[k - 1].key);
     }
     sv_cull_list_finish(&list);
     fixture_forest_finish(&f);
@@ -196,8 +191,7 @@ static void polygons_stand_where_the_mesh_projects(void **state)
             assert_int_equal(view.color[4 * i + 3], tree ? 255 : 0);
             assert_true(tree ? view.depth[i] > 0 : view.depth[i] == 0);
         }
-        assert_int_equal(view.stats.polygon_trees, 1);
-        assert_int_equal(view.stats.triangles, leafy.index_count / 3);
+        assert_int_equal(view.stats.trees[SV_TREE_FORM_POLYGON], 1);
         fixture_view_finish(&view);
     }
     fixture_single_finish(&s);
@@ -210,9 +204,9 @@ static void the_foot_is_in_its_place(void **state)
     struct fixture_single s;
     struct sv_light light = fixture_light(120, 40);
     fixture_single_init(&s, &bare, &lone);
-    for (int f = SV_TREE_FORM_POLYGON; f <= SV_TREE_FORM_IMPOSTOR; f++)
+    for (int f = 0; f < LIGHT_FORMS; f++)
         for (int k = 0; k < 10; k++) {
-            struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+            struct sv_tree_draw_options options = form(forms[f]);
             struct sv_camera c = look_at(sv_vec3(lone.x, lone.y, lone.z), 31.0 * k, -5 + 7.0 * k, 100, 512);
             struct fixture_view view;
             fixture_draw(s.draw, &c, &light, &options, &view);
@@ -220,8 +214,8 @@ static void the_foot_is_in_its_place(void **state)
             double x, y, depth, radius_px = sv_camera_focal_px(&c) * 0.03 * 12 / 100;
             assert_true(sv_camera_project(&c, sv_vec3(lone.x, lone.y, lone.z), &x, &y, &depth));
             double foot = y + radius_px * sin(sv_radians(fmax(0, -5 + 7.0 * k)));
-            assert_true(fabs(look.bottom + 1 - foot) <= (f == SV_TREE_FORM_POLYGON ? 1 : 2));
-            assert_true(fabs(0.5 * (look.left + look.right + 1) - x) <= (f == SV_TREE_FORM_POLYGON ? 1 : 2));
+            assert_true(fabs(look.bottom + 1 - foot) <= (is_exact(forms[f]) ? 1 : 2));
+            assert_true(fabs(0.5 * (look.left + look.right + 1) - x) <= (is_exact(forms[f]) ? 1 : 2));
             fixture_view_finish(&view);
         }
     fixture_single_finish(&s);
@@ -234,7 +228,7 @@ static void rotation_is_clockwise_from_above(void **state)
     (void)state;
     static const int want[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}}; /* right, down */
     struct sv_light light = fixture_light(120, 40);
-    for (int f = SV_TREE_FORM_POLYGON; f <= SV_TREE_FORM_IMPOSTOR; f++)
+    for (int f = 0; f < LIGHT_FORMS; f++)
         for (int k = 0; k < 4; k++) {
             struct sv_tree tree = lone;
             tree.rotation_rad = (float)(k * SV_PI / 2);
@@ -244,7 +238,7 @@ static void rotation_is_clockwise_from_above(void **state)
             c.projection = SV_PROJECTION_ORTHOGRAPHIC;
             c.ortho_height_m = 20.1;
             c.far_m = 100;
-            struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+            struct sv_tree_draw_options options = form(forms[f]);
             struct fixture_view view;
             fixture_draw(s.draw, &c, &light, &options, &view);
             struct fixture_look look = fixture_look_at(&view);
@@ -275,12 +269,14 @@ static void no_tree_and_no_species(void **state)
     fixture_ok(sv_tree_draw_create(&unused, 1, &empty, NULL, &draw, &error), &error);
     struct fixture_view view;
     fixture_draw(draw, &c, &light, &options, &view);
-    assert_int_equal(view.stats.polygon_trees + view.stats.impostor_trees + view.stats.culled_trees, 0);
+    for (int k = 0; k < SV_TREE_FORM_COUNT; k++)
+        assert_int_equal(view.stats.trees[k], 0);
+    assert_int_equal(view.stats.culled_trees, 0);
     assert_true(fixture_look_at(&view).coverage == 0);
     fixture_view_finish(&view);
     assert_int_equal(sv_tree_draw_bytes(draw, 0, SV_TREE_FORM_POLYGON), 0);
-    assert_int_equal(sv_tree_draw_bytes(draw, 0, SV_TREE_FORM_IMPOSTOR), 0);
-    assert_int_equal(sv_tree_draw_bytes(draw, 1, SV_TREE_FORM_IMPOSTOR), 0);
+    assert_int_equal(sv_tree_draw_bytes(draw, 0, SV_TREE_FORM_COARSE), 0);
+    assert_int_equal(sv_tree_draw_bytes(draw, 1, SV_TREE_FORM_COARSE), 0);
     sv_tree_draw_destroy(draw);
     fixture_ok(sv_tree_draw_create(NULL, 0, &empty, NULL, &draw, &error), &error);
     sv_tree_draw_destroy(draw);
@@ -308,8 +304,8 @@ static void trees_behind_are_not_drawn(void **state)
     struct fixture_single s;
     struct sv_light light = fixture_light(120, 40);
     fixture_single_init(&s, &leafy, &lone);
-    for (int f = SV_TREE_FORM_AUTO; f <= SV_TREE_FORM_IMPOSTOR; f++) {
-        struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+    for (int f = 0; f < FORMS; f++) {
+        struct sv_tree_draw_options options = form(forms[f]);
         struct sv_camera c = fixture_camera(sv_vec3(lone.x, lone.y + 30, lone.z + 6), 0, 0, 100, 100);
         struct fixture_view view;
         fixture_draw(s.draw, &c, &light, &options, &view);
@@ -327,9 +323,9 @@ static void eye_inside_a_crown(void **state)
     struct fixture_single s;
     struct sv_light light = fixture_light(120, 40);
     fixture_single_init(&s, &leafy, &lone);
-    for (int f = SV_TREE_FORM_AUTO; f <= SV_TREE_FORM_IMPOSTOR; f++)
+    for (int f = 0; f < FORMS; f++)
         for (int k = 0; k < 6; k++) {
-            struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+            struct sv_tree_draw_options options = form(forms[f]);
             struct sv_camera c =
                 fixture_camera(sv_vec3(lone.x, lone.y, lone.z + (k < 3 ? 6.0 : 0.0)), 70 * k, 20, 100, 100);
             struct fixture_view view;
@@ -338,7 +334,7 @@ static void eye_inside_a_crown(void **state)
                 assert_true(isfinite(view.normal[i]));
             for (int i = 0; i < view.width * view.height; i++)
                 assert_true(view.depth[i] >= 0 && view.depth[i] <= 1);
-            if (f != SV_TREE_FORM_IMPOSTOR && k < 3)
+            if (forms[f] != SV_TREE_FORM_COARSE && k < 3)
                 assert_true(fixture_look_at(&view).coverage > 500);
             fixture_view_finish(&view);
         }
@@ -360,11 +356,11 @@ static void drawing_is_deterministic_and_leaves_no_state(void **state)
     struct sv_camera c = fixture_camera(sv_vec3(400000, 9000000 - 300, 60), 0, -8, 200, 150);
     struct sv_light light = fixture_light(200, 30);
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
-    options.polygon_px = 40;
+    options.error_px = 0.5;
     struct fixture_view a, b;
     fixture_draw(draw, &c, &light, &options, &a);
     fixture_draw(draw, &c, &light, &options, &b);
-    assert_true(a.stats.polygon_trees > 3 && a.stats.impostor_trees > 50);
+    assert_true(a.stats.trees[SV_TREE_FORM_LEAF] > 3 && a.stats.trees[SV_TREE_FORM_COARSE] > 50);
     assert_memory_equal(a.color, b.color, 4 * 200 * 150);
     assert_memory_equal(a.id, b.id, 4 * 200 * 150);
     assert_memory_equal(a.depth, b.depth, 4 * 200 * 150);
@@ -429,8 +425,8 @@ static void light_that_arrives_is_light_that_is_seen(void **state)
     struct sv_camera c = fixture_camera(sv_vec3(lone.x, lone.y - 3 * h, lone.z + h / 2), 0, 0, SIDE, SIDE);
     double crown = (double)sv_tree_crown_light((float)light.to_sun.z, (float)-light.to_sun.y);
     int edge = (int)(0.4 * sv_camera_focal_px(&c) / 3); /* 0.4 heights from the middle, in rows */
-    for (int f = SV_TREE_FORM_POLYGON; f <= SV_TREE_FORM_IMPOSTOR; f++) {
-        struct sv_tree_draw_options options = form((enum sv_tree_form)f);
+    for (int f = 0; f < LIGHT_FORMS; f++) {
+        struct sv_tree_draw_options options = form(forms[f]);
         struct fixture_view plain, unlit, seen[3], again;
         fixture_draw(s.draw, &c, &light, &options, &plain);
         fixture_draw(s.draw, &c, &none, &options, &unlit);
@@ -446,11 +442,11 @@ static void light_that_arrives_is_light_that_is_seen(void **state)
         int off = largest_difference(&unlit, &seen[1], 0, SIDE),
             above = largest_difference(&seen[0], &seen[2], 0, SIDE / 2 - edge),
             below = largest_difference(&seen[1], &seen[2], SIDE / 2 + edge, SIDE);
-        printf("  form %d: sunlight %.3f (%.3f wanted); all in shadow %d levels off; half: %d, %d\n", f,
-               share, crown, off, above, below);
+        printf("  form %s: sunlight %.3f (%.3f wanted); all in shadow %d levels off; half: %d, %d\n",
+               sv_tree_form_name(forms[f]), share, crown, off, above, below);
         assert_true(fabs(share - crown) < 0.02);
         /* Light is worked out at polygons' corners: the stem's reach to the middle, into the edge. */
-        assert_true(off <= 1 && above <= 1 && below <= (f == SV_TREE_FORM_POLYGON ? 6 : 1));
+        assert_true(off <= 1 && above <= 1 && below <= (is_exact(forms[f]) ? 6 : 1));
         assert_true(largest_difference(&seen[0], &seen[1], SIDE / 2 + edge, SIDE) > 10);
         options.shade = NULL;
         fixture_draw(s.draw, &c, &light, &options, &again);

@@ -190,7 +190,7 @@ static void compare(struct sv_tree_draw *draw, double azimuth_deg, double elevat
     struct sv_tree_draw_options polygon = SV_TREE_DRAW_OPTIONS_DEFAULT,
                                 impostor = SV_TREE_DRAW_OPTIONS_DEFAULT;
     polygon.form = SV_TREE_FORM_POLYGON;
-    impostor.form = SV_TREE_FORM_IMPOSTOR;
+    impostor.form = SV_TREE_FORM_COARSE;
     struct fixture_view a, b;
     fixture_draw(draw, &fine, &light, &polygon, &a);
     fixture_draw(draw, &c, &light, &impostor, &b);
