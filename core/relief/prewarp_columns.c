@@ -14,8 +14,8 @@
 
 /* An end of a piece in one column. */
 struct end {
-    double y, tau;
-    float displ, color[3];
+    double y, tau, displ;
+    float color[3];
     float a, b; /* place in the patch, 0 .. 1 */
 };
 
@@ -55,7 +55,7 @@ static bool meet(const struct sv_prewarp_vertex *p, const struct sv_prewarp_vert
     double s = r * p->tau / (q->tau * (1 - r) + p->tau * r);
     float t = (float)s;
     *e = (struct end){.y = p->y + r * (q->y - p->y),
-                      .displ = p->displ + t * (q->displ - p->displ),
+                      .displ = (1 - s) * p->displ + s * q->displ,
                       .tau = (1 - s) * p->tau + s * q->tau,
                       .a = (float)(k & 1) + t * (float)((l & 1) - (k & 1)),
                       .b = (float)(k >> 1) + t * (float)((l >> 1) - (k >> 1))};
@@ -72,13 +72,13 @@ static void draw_piece(const struct sv_prewarp_work *w, int x, const struct sv_p
     if (!sv_prewarp_span_init(&span, p->y, q->y, p->tau, q->tau, w->out_height))
         return;
     for (int y = span.first; y < span.last; y++) {
-        double r;
-        float s = (float)sv_prewarp_span_at(&span, y, &r);
+        double r, share = sv_prewarp_span_at(&span, y, &r);
+        float s = (float)share;
         size_t at = (size_t)x * w->out_step_x + (size_t)y * w->out_step_y;
         for (int c = 0; c < 3; c++)
             out->color[at][c] = (uint8_t)(p->color[c] + s * (q->color[c] - p->color[c]) + 0.5f);
         out->color[at][3] = 255;
-        out->displ[at] = p->displ + s * (q->displ - p->displ);
+        out->displ[at] = (float)((1 - share) * p->displ + share * q->displ);
         int right = p->a + s * (q->a - p->a) >= 0.5f, low = p->b + s * (q->b - p->b) >= 0.5f;
         out->texel[at] = (uint32_t)patch->texel[right + 2 * low];
     }

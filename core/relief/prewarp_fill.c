@@ -108,7 +108,7 @@ static void try_wall(struct filler *f, const struct sv_prewarp_cell *cell, int o
                         .step_q = second ? w->out_step_x : w->out_step_y,
                         .samples_p = second ? w->out_height : w->out_width,
                         .samples_q = second ? w->out_width : w->out_height};
-    float displ[2];
+    double displ[2];
     for (int rim = 0; rim < 2; rim++) {
         struct sv_prewarp_vertex at[2] = {sv_prewarp_quarter(w, cell, corner[rim], (enum sv_prewarp_spot)way),
                                           sv_prewarp_quarter(w, cell, corner[rim], SV_PREWARP_MIDDLE)};
@@ -120,7 +120,7 @@ static void try_wall(struct filler *f, const struct sv_prewarp_cell *cell, int o
             wall.q[rim][to] = second ? at[k].x : at[k].y;
         }
     }
-    wall.far_texel = cell->texel[corner[w->toward * ((double)displ[1] - (double)displ[0]) > 0 ? 0 : 1]];
+    wall.far_texel = cell->texel[corner[w->toward * (displ[1] - displ[0]) > 0 ? 0 : 1]];
     draw_wall(f, &wall);
 }
 

@@ -43,7 +43,7 @@ int sv_prewarp_order(int n, double e, int32_t *order);
 struct sv_prewarp_vertex {
     double x, y; /* sample positions along the first and the second axis */
     double tau;  /* > 0 */
-    float displ;
+    double displ;
     float color[3];
 };
 struct sv_prewarp_vertex sv_prewarp_place(const struct sv_prewarp_work *work, double u, double v,
@@ -69,6 +69,13 @@ struct sv_prewarp_row {
 static inline bool sv_prewarp_drawn(const struct sv_prewarp_work *w, size_t texel)
 {
     return sv_relief_solid(w->relief, texel) && 1 + w->k3 * w->relief->displ[texel] > w->near;
+}
+
+/* Two texels that are drawn are one surface. */
+static inline bool sv_prewarp_same(const struct sv_prewarp_work *w, size_t s, size_t t)
+{
+    return sv_prewarp_drawn(w, s) && sv_prewarp_drawn(w, t) &&
+           fabsf(w->relief->displ[s] - w->relief->displ[t]) <= w->relief->cut;
 }
 
 /* Four texels about a corner, (i - 1, j - 1), (i, j - 1), (i - 1, j), (i, j), and the surfaces between their

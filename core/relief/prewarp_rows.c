@@ -28,7 +28,7 @@ static void put_pair(const struct sv_prewarp_work *w, struct sv_prewarp_row *row
         struct sv_prewarp_sample *sample = &row->samples[x];
         row->count[x]++;
         sample->y = p->y + r * (q->y - p->y);
-        sample->displ = (float)((1 - s) * (double)p->displ + s * (double)q->displ);
+        sample->displ = (float)((1 - s) * p->displ + s * q->displ);
         sample->u = (float)(i - 0.5 + s);
         sample->texel = s < 0.5 ? i - 1 : i;
         sv_prewarp_mix(a, b, s, sample->color);
@@ -41,7 +41,7 @@ struct sv_prewarp_vertex sv_prewarp_place(const struct sv_prewarp_work *w, doubl
     return (struct sv_prewarp_vertex){.x = ((u + w->k1 * displ) / tau - w->u0) * w->scale_u, /* eq. 1, 3 */
                                       .y = ((v + w->k2 * displ) / tau - w->v0) * w->scale_v, /* eq. 1, 3 */
                                       .tau = tau,
-                                      .displ = (float)displ};
+                                      .displ = displ};
 }
 
 void sv_prewarp_warp_row(const struct sv_prewarp_work *w, int j, struct sv_prewarp_row *row)
@@ -56,8 +56,8 @@ void sv_prewarp_warp_row(const struct sv_prewarp_work *w, int j, struct sv_prewa
     }
     for (int k = 0; k <= w->width; k++) {
         int i = w->order_u[k];
-        if (i > 0 && i < w->width && row->texel[i - 1].tau > 0 && row->texel[i].tau > 0 &&
-            fabsf(row->texel[i].displ - row->texel[i - 1].displ) <= w->relief->cut)
+        size_t t = (size_t)i * w->step_u + (size_t)j * w->step_v;
+        if (i > 0 && i < w->width && sv_prewarp_same(w, t - w->step_u, t))
             put_pair(w, row, i);
     }
 }
