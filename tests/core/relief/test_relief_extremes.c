@@ -336,19 +336,16 @@ static bool try_row_front(struct sv_rng *rng)
     return true;
 }
 
-/* displ of up to 1e9 m: a silhouette's depths are floats from its corner. Bodies a thousand times as long as
- * their texels are rare: a silhouette of 4096 x 4096 texels takes a while. */
+/* Bodies a thousand times as long as their texels are rare: a silhouette of 4096 x 4096 texels takes a while.
+ */
 static bool try_cast(struct sv_rng *rng)
 {
     struct sv_relief r = any_relief(rng);
-    for (int t = 0; t < r.width * r.height; t++)
-        r.displ[t] = isfinite(r.displ[t]) ? (float)sv_clamp(r.displ[t], -1e9, 1e9) : r.displ[t];
-    sv_relief_measure(&r);
     struct sv_silhouette s = {0};
     struct sv_error error;
     struct sv_vec3 travel = any_unit(rng);
     double size = sv_length(r.frame.a) * r.width + sv_length(r.frame.b) * r.height;
-    double extent = pick(rng, 2000) ? size + r.displ_max - r.displ_min : size;
+    double extent = pick(rng, 2000) ? size + (double)r.displ_max - (double)r.displ_min : size;
     enum sv_status status =
         sv_cast_silhouette(&r, travel, extent * pow(10, sv_rng_range(rng, -1.5, 1)), &s, &error);
     if (status) { /* a body of 1e9 m needs more texels than there are */
