@@ -7,6 +7,8 @@
 
 #include "core/base/frames.h"
 
+/* Model space has height 1; what is a billion times that is no model (object.c has the same). */
+static const float REACH_MAX = 1e9f;
 enum { BORDER = 2 }; /* empty texels around, so that a lookup between texels ends in light */
 
 struct axes {
@@ -52,7 +54,8 @@ static bool kept(const struct sv_tree_material *m, float u, float v)
     const float uv[2] = {u, v};
     const int size[2] = {m->albedo.width, m->albedo.height};
     for (int k = 0; k < 2; k++) {
-        at[k] = (int)((uv[k] - floorf(uv[k])) * (float)size[k]);
+        float in = uv[k] - floorf(uv[k]); /* NaN where it is not finite */
+        at[k] = in > 0 ? (int)(in * (float)size[k]) : 0;
         at[k] = at[k] >= size[k] ? size[k] - 1 : at[k];
     }
     const uint8_t *texel =
@@ -129,6 +132,12 @@ static enum sv_status check(const struct sv_tree_mesh *mesh, double heading_rad,
                        travel.y, travel.z, heading_rad);
     if (mesh->vertex_count == 0)
         return sv_fail(error, SV_EINVAL, "mesh", "has no vertices");
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        const float *p = mesh->vertices[v].position;
+        if (!(fabsf(p[0]) <= REACH_MAX && fabsf(p[1]) <= REACH_MAX && fabsf(p[2]) <= REACH_MAX))
+            return sv_fail(error, SV_EINVAL, "mesh", "has a vertex at (%g, %g, %g)", (double)p[0],
+                           (double)p[1], (double)p[2]);
+    }
     return SV_OK;
 }
 
