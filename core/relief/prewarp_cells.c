@@ -6,6 +6,8 @@
  * quarters of one texel that lie in different cells meet at its centre, but where one cell joins it to a
  * neighbour and the other does not they part along the line between: that step, inside one texel, is closed.
  */
+#include <string.h>
+
 #include "core/relief/prewarp_private.h"
 
 void sv_prewarp_cell_init(const struct sv_prewarp_work *w, int i, int j, struct sv_prewarp_cell *cell)
@@ -35,34 +37,42 @@ void sv_prewarp_cell_init(const struct sv_prewarp_work *w, int i, int j, struct 
         }
 }
 
-/* Adds what stands for corner c on the surface of corner o, times weight. */
-static void add_corner(const struct sv_prewarp_work *w, const struct sv_prewarp_cell *cell, int o, int c,
-                       double weight, double *displ, double color[3])
+/* The one or two corners whose mean stands for corner c on the surface of corner o. */
+static void stand_ins(const struct sv_prewarp_cell *cell, int o, int c, int of[2])
 {
-    int from = c, also = c;
-    if (cell->part[c] != cell->part[o]) {
-        bool first = cell->part[c ^ 1] == cell->part[o], second = cell->part[c ^ 2] == cell->part[o];
-        from = first ? c ^ 1 : second ? c ^ 2 : o;
-        also = first && second ? c ^ 2 : from;
-    }
-    const uint8_t *a = w->color[cell->texel[from]], *b = w->color[cell->texel[also]];
-    *displ += weight * 0.5 * ((double)cell->displ[from] + (double)cell->displ[also]);
-    for (int e = 0; e < 3; e++)
-        color[e] += weight * 0.5 * (a[e] + b[e]);
+    bool own = cell->part[c] == cell->part[o];
+    bool first = cell->part[c ^ 1] == cell->part[o], second = cell->part[c ^ 2] == cell->part[o];
+    of[0] = own ? c : first ? c ^ 1 : second ? c ^ 2 : o;
+    of[1] = !own && first && second ? c ^ 2 : of[0];
+}
+
+/* displ that stands for corner c, twice. */
+static double twice_displ(const struct sv_prewarp_cell *cell, int o, int c)
+{
+    int of[2];
+    stand_ins(cell, o, c, of);
+    return (double)cell->displ[of[0]] + (double)cell->displ[of[1]];
 }
 
 struct sv_prewarp_vertex sv_prewarp_quarter(const struct sv_prewarp_work *w,
                                             const struct sv_prewarp_cell *cell, int o,
                                             enum sv_prewarp_spot spot)
 {
-    double displ = 0, color[3] = {0}, weight = spot == SV_PREWARP_MIDDLE ? 0.25 : spot ? 0.5 : 1;
+    float color[3] = {0};
+    double displ = 0, weight = spot == SV_PREWARP_MIDDLE ? 0.25 : spot ? 0.5 : 1;
     double u = cell->i + (spot & 1 ? 0 : (o & 1) - 0.5), v = cell->j + (spot & 2 ? 0 : (o >> 1) - 0.5);
-    for (int c = 0; c < 4; c++)
-        if (((c ^ o) & ~(int)spot) == 0)
-            add_corner(w, cell, o, c, weight, &displ, color);
+    for (int c = 0; c < 4; c++) {
+        int of[2];
+        if ((c ^ o) & ~(int)spot)
+            continue;
+        stand_ins(cell, o, c, of);
+        const uint8_t *a = w->color[cell->texel[of[0]]], *b = w->color[cell->texel[of[1]]];
+        displ += 0.5 * weight * ((double)cell->displ[of[0]] + (double)cell->displ[of[1]]);
+        for (int e = 0; e < 3; e++)
+            color[e] += 0.5f * (float)weight * (float)(a[e] + b[e]);
+    }
     struct sv_prewarp_vertex vertex = sv_prewarp_place(w, u, v, displ);
-    for (int e = 0; e < 3; e++)
-        vertex.color[e] = (float)color[e];
+    memcpy(vertex.color, color, sizeof color);
     return vertex;
 }
 
@@ -72,7 +82,7 @@ static int add_step(const struct sv_prewarp_work *w, const struct sv_prewarp_cel
                     const struct sv_prewarp_cell *beside, int o, int way, struct sv_prewarp_patch *patch)
 {
     int other = o ^ way ^ 3; /* the same texel, as a corner of that cell */
-    if (cell->part[o] < 0)
+    if (cell->part[o] < 0 || twice_displ(cell, o, o ^ way) == twice_displ(beside, other, other ^ way))
         return 0;
     enum sv_prewarp_spot spot = way == 1 ? SV_PREWARP_ALONG : SV_PREWARP_ACROSS;
     struct sv_prewarp_vertex centre = sv_prewarp_quarter(w, cell, o, SV_PREWARP_CENTRE);
@@ -81,7 +91,7 @@ static int add_step(const struct sv_prewarp_work *w, const struct sv_prewarp_cel
         {0}};
     for (int k = 0; k < 4; k++)
         patch->texel[k] = cell->texel[o];
-    return patch->v[1].displ != patch->v[3].displ;
+    return 1;
 }
 
 /* Each line between cells is the farther side of one of them: the one that the epipole is on the side of. */
@@ -116,12 +126,8 @@ int sv_prewarp_cell_patches(const struct sv_prewarp_work *w, const struct sv_pre
         }
         return 1;
     }
-    int count = 0, first = (w->epipole_u < cell->i) + 2 * (w->epipole_v < cell->j); /* the farthest corner */
-    for (int k = 0; k < 4; k++) /* steps are none where nothing is drawn */
-        if (cell->part[k] >= 0) {
-            count = add_steps(w, cell, patches);
-            break;
-        }
+    int count = add_steps(w, cell, patches);
+    int first = (w->epipole_u < cell->i) + 2 * (w->epipole_v < cell->j); /* the farthest corner */
     for (int k = 0; k < 4; k++) {
         int o = first ^ k;
         if (cell->part[o] < 0)

@@ -116,16 +116,42 @@ static void draw_patch(const struct sv_prewarp_work *w, const struct sv_prewarp_
     }
 }
 
+/* Two texels next to each other, both drawn, are one surface. */
+static bool joined(const struct sv_prewarp_work *w, const struct sv_prewarp_vertex *a,
+                   const struct sv_prewarp_vertex *b)
+{
+    return fabsf((float)a->displ - (float)b->displ) <= w->relief->cut; /* floats: as cells have it */
+}
+
+/* Cell i of the interval: the rows say it in fewer steps than sv_prewarp_cell_init does. */
+static enum sv_prewarp_cells kind_of(const struct sv_prewarp_work *w, const struct sv_prewarp_row *above,
+                                     const struct sv_prewarp_row *below, int i)
+{
+    const struct sv_prewarp_vertex *a = above ? above->texel + i : NULL, *b = below ? below->texel + i : NULL;
+    bool before = i > 0, after = i < w->width;
+    int drawn = (a && before && a[-1].tau > 0) + (a && after && a[0].tau > 0) +
+                (b && before && b[-1].tau > 0) + (b && after && b[0].tau > 0);
+    if (drawn < 4)
+        return drawn ? SV_PREWARP_TORN : SV_PREWARP_EMPTY;
+    return joined(w, a - 1, a) && joined(w, b - 1, b) && joined(w, a - 1, b - 1) && joined(w, a, b)
+               ? SV_PREWARP_PLAIN
+               : SV_PREWARP_TORN;
+}
+
 /* Marks the columns that the torn cells of interval j are seen in. Returns whether there are any. */
-static bool mark_torn(const struct sv_prewarp_work *w, int j)
+static bool mark_torn(const struct sv_prewarp_work *w, int j, const struct sv_prewarp_row *above,
+                      const struct sv_prewarp_row *below)
 {
     bool any = false;
     for (int i = 0; i <= w->width; i++) {
         struct sv_prewarp_cell cell;
         struct sv_prewarp_patch patches[SV_PREWARP_PATCHES];
         int first, last;
+        w->cells[i] = (uint8_t)kind_of(w, above, below, i);
+        if (w->cells[i] != SV_PREWARP_TORN)
+            continue;
         sv_prewarp_cell_init(w, i, j, &cell);
-        int count = cell.plain ? 0 : sv_prewarp_cell_patches(w, &cell, patches);
+        int count = sv_prewarp_cell_patches(w, &cell, patches);
         for (int k = 0; k < count; k++)
             if (columns_of(w, &patches[k], &first, &last)) {
                 memset(w->apart + first, 1, (size_t)(last - first));
@@ -151,9 +177,11 @@ static void draw_cells(const struct sv_prewarp_work *w, int j, const struct sv_p
     for (int n = 0; n <= w->width; n++) {
         struct sv_prewarp_cell cell;
         struct sv_prewarp_patch patches[SV_PREWARP_PATCHES];
-        sv_prewarp_cell_init(w, w->order_u[n], j, &cell);
-        if (cell.plain && !seen_apart(w, above, below, cell.i))
+        int i = w->order_u[n];
+        if (w->cells[i] == SV_PREWARP_EMPTY ||
+            (w->cells[i] == SV_PREWARP_PLAIN && !seen_apart(w, above, below, i)))
             continue;
+        sv_prewarp_cell_init(w, i, j, &cell);
         int count = sv_prewarp_cell_patches(w, &cell, patches);
         for (int k = 0; k < count; k++)
             draw_patch(w, &patches[k]);
@@ -164,7 +192,7 @@ void sv_prewarp_warp_columns(const struct sv_prewarp_work *w, int j, const struc
                              const struct sv_prewarp_row *below)
 {
     memset(w->apart, 0, (size_t)w->out_width);
-    bool any = mark_torn(w, j);
+    bool any = mark_torn(w, j, above, below);
     for (int x = 0; above && below && x < w->out_width; x++) {
         uint32_t a = above->count[x], b = below->count[x];
         if (w->apart[x] || (a == 0 && b == 0))

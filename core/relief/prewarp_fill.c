@@ -124,9 +124,22 @@ static void try_wall(struct filler *f, const struct sv_prewarp_cell *cell, int o
     draw_wall(f, &wall);
 }
 
+/* No wall stands in a cell whose neighbours differ by less than cut, drawn or not: most cells. */
+static bool level_enough(const struct sv_prewarp_work *w, int i, int j)
+{
+    if (i < 1 || j < 1 || i >= w->width || j >= w->height)
+        return false;
+    const float *d = w->relief->displ + (size_t)i * w->step_u + (size_t)j * w->step_v, *up = d - w->step_v;
+    const float cut = w->relief->cut, *left = d - w->step_u, *corner = up - w->step_u;
+    return fabsf(*d - *up) <= cut && fabsf(*d - *left) <= cut && fabsf(*corner - *up) <= cut &&
+           fabsf(*corner - *left) <= cut;
+}
+
 static void try_walls(struct filler *f, int i, int j)
 {
     struct sv_prewarp_cell cell;
+    if (level_enough(f->w, i, j))
+        return;
     sv_prewarp_cell_init(f->w, i, j, &cell);
     for (int k = 0; k < 2 && !cell.plain; k++) {
         try_wall(f, &cell, 2 * k, 1);

@@ -7,6 +7,9 @@
 
 #include "core/relief/prewarp.h"
 
+/* What lies between two rows, cell by cell. */
+enum sv_prewarp_cells { SV_PREWARP_EMPTY, SV_PREWARP_PLAIN, SV_PREWARP_TORN };
+
 struct sv_prewarp_work {
     const struct sv_relief *relief;
     const uint8_t (*color)[4];
@@ -21,6 +24,7 @@ struct sv_prewarp_work {
     int out_width, out_height; /* samples along the first and the second axis */
     size_t out_step_x, out_step_y;
     double u0, v0, scale_u, scale_v; /* sample position of u: (u - u0) scale_u; centres at + 0.5 */
+    uint8_t *cells;                  /* width + 1: enum sv_prewarp_cells (of one interval) */
     uint8_t *apart;                  /* out_width: column that pass 2 draws cell by cell (of one interval) */
     struct sv_warped *out;
 };

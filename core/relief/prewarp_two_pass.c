@@ -109,13 +109,15 @@ static void *alloc_rows(struct sv_prewarp_work *w, struct sv_prewarp_row rows[3]
     size_t texels = padded((size_t)w->width * sizeof *rows->texel), samples = (size_t)w->out_width;
     size_t counts = padded(samples * sizeof *rows->count), landed = padded(samples * sizeof *rows->samples);
     size_t order = padded(((size_t)w->width + 1) * sizeof *w->order_u), apart = padded(samples);
-    char *block = malloc(order + apart + 3 * (texels + counts + landed)), *at = block;
+    size_t cells = padded((size_t)w->width + 1);
+    char *block = malloc(order + cells + apart + 3 * (texels + counts + landed)), *at = block;
     if (!block) {
         (void)sv_fail(error, SV_ENOMEM, "relief", "no memory for three rows of %d texels", w->width);
         return NULL;
     }
     w->order_u = (int32_t *)at;
-    w->apart = (uint8_t *)(at += order);
+    w->cells = (uint8_t *)(at += order);
+    w->apart = (uint8_t *)(at += cells);
     at += apart;
     for (int k = 0; k < 3; k++) {
         struct sv_prewarp_row *r = &rows[k];
