@@ -10,8 +10,9 @@
  * quadrant is left.
  *
  * Which axis first: pass 2 joins what lies in one column of samples in neighbouring rows; where pass 1 has
- * compressed a row, or shifts differ from row to row, that is far apart along the row. The axis along which
- * it is nearer together loses less (prewarp_window.c). The code below knows a first and a second axis only.
+ * compressed a row, or shifts differ from row to row, that is far apart along the row, and is drawn cell by
+ * cell instead. The axis along which it is nearer together needs less of that (prewarp_window.c). The code
+ * below knows a first and a second axis only.
  */
 #include <stdlib.h>
 #include <string.h>

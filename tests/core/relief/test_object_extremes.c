@@ -321,7 +321,7 @@ static const struct {
     bool (*one)(struct sv_rng *rng);
     long count;
 } trials[] = {
-    {"bake", try_bake, 6000}, {"objects", try_object, 1500}, {"object's sun", try_object_sun, 60000}};
+    {"bake", try_bake, 4000}, {"objects", try_object, 800}, {"object's sun", try_object_sun, 40000}};
 
 static void extreme_inputs(void **state)
 {
