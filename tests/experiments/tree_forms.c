@@ -16,18 +16,20 @@ struct tree_forms {
 
 struct form {
     const char *name;
-    void (*draw)(struct tree_forms *forms, const struct sv_gl_frame *frame, int which);
+    void (*draw)(struct tree_forms *forms, const struct sv_gl_frame *frame, const struct sv_canvas *canvas, int which);
     size_t (*bytes)(const struct tree_forms *forms, int which);
     int which;
 };
 
-static void draw_forest(struct tree_forms *forms, const struct sv_gl_frame *frame, int which)
+static void draw_forest(struct tree_forms *forms, const struct sv_gl_frame *frame, const struct sv_canvas *canvas,
+                        int which)
 {
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
     struct sv_tree_draw_stats stats;
     struct sv_error error;
     options.form = (enum sv_tree_form)which;
     options.color_only = true;
+    options.canvas = canvas;
     tree_kit_must(sv_tree_draw_forest(forms->draw, frame, &options, &stats, &error), &error);
 }
 
@@ -45,8 +47,10 @@ static void build_cloud(struct tree_forms *forms, int which)
     forms->build_ms[which] = took > forms->build_ms[which] ? took : forms->build_ms[which];
 }
 
-static void draw_cloud(struct tree_forms *forms, const struct sv_gl_frame *frame, int which)
+static void draw_cloud(struct tree_forms *forms, const struct sv_gl_frame *frame, const struct sv_canvas *canvas,
+                       int which)
 {
+    (void)canvas;
     struct sv_error error;
     const struct sv_cull_entry entry = {0, 0};
     build_cloud(forms, which);
@@ -130,20 +134,33 @@ struct sv_image tree_forms_draw(struct tree_forms *forms, int form, const struct
 {
     struct sv_error error;
     struct sv_gl_target *target;
-    struct sv_image image;
+    struct sv_image image, depth;
+    bool on_canvas = FORMS[form].draw == draw_forest && sv_tree_form_on_canvas((enum sv_tree_form)FORMS[form].which);
     struct sv_gl_frame frame = {.camera = *camera, .light = *light};
     tree_kit_must(sv_image_alloc(camera->width, camera->height, 4, SV_PIXEL_U8, &image, &error), &error);
+    tree_kit_must(sv_image_alloc(camera->width, camera->height, 1, SV_PIXEL_F32, &depth, &error), &error);
+    struct sv_canvas canvas = {.width = camera->width,
+                               .height = camera->height,
+                               .row_count = camera->height,
+                               .depth = depth.data,
+                               .color = image.data};
     tree_kit_must(sv_gl_target_create(camera->width, camera->height, 1u << SV_LAYER_COLOR, &target, &error),
                   &error);
     for (int k = 0; k < runs; k++) {
         double start = tree_kit_now_ms();
         sv_gl_target_begin(target);
         tree_kit_must(sv_gl_frame_begin(&frame, &error), &error);
-        FORMS[form].draw(forms, &frame, FORMS[form].which);
-        tree_kit_must(sv_gl_target_read(target, SV_LAYER_COLOR, &image, &error), &error);
+        if (on_canvas) {
+            tree_kit_must(sv_gl_target_read(target, SV_LAYER_DEPTH, &depth, &error), &error);
+            tree_kit_must(sv_gl_target_read(target, SV_LAYER_COLOR, &image, &error), &error);
+        }
+        FORMS[form].draw(forms, &frame, &canvas, FORMS[form].which);
+        if (!on_canvas)
+            tree_kit_must(sv_gl_target_read(target, SV_LAYER_COLOR, &image, &error), &error);
         double took = tree_kit_now_ms() - start;
         *ms = k == 0 || took < *ms ? took : *ms;
     }
     sv_gl_target_destroy(target);
+    sv_image_free(&depth);
     return image;
 }
