@@ -26,14 +26,14 @@
 #include "core/tree/leaf_form.h"
 #include "core/tree/leaf_splat.h"
 
-/* Boxes of a queue hold at most so many pixels a side: 1, 2, 3, 6; the last holds what is larger. */
+/* Boxes of a queue hold at most sv_leaf_side pixels a side; the last holds what is larger. */
 enum { SV_LEAF_QUEUES = 5, SV_LEAF_QUEUE = 64, SV_LEAF_QUEUE_ROOM = SV_LEAF_QUEUE + 2 * SV_LEAF_LANES };
 /* Hits that may be listed before the list is settled, and what one step may add. */
-enum { SV_LEAF_HITS = 512, SV_LEAF_HIT_ROOM = SV_LEAF_HITS + 48 * SV_LEAF_LANES };
+enum { SV_LEAF_HITS = 512, SV_LEAF_HIT_ROOM = SV_LEAF_HITS + 72 * SV_LEAF_LANES };
 /* Pixels of one material that wait for light. */
 enum { SV_LEAF_LIT = 64 };
 
-static const int sv_leaf_side[SV_LEAF_QUEUES] = {1, 2, 3, 6, 1 << 20};
+static const int sv_leaf_side[SV_LEAF_QUEUES] = {1, 2, 4, 8, 1 << 20};
 
 /* Projected pieces that wait: P0, E1, E2 as A, B, C; the box. */
 struct sv_leaf_queue {

@@ -489,9 +489,11 @@ static inline __m256 texel_of(__m256 u, int size)
     return _mm256_and_ps(x, _mm256_and_ps(in_order(splat(-1), x), in_order(x, splat((float)size))));
 }
 
-static inline __m256 alpha_at(const int *rgba, __m256i index)
+/* Of the chosen lanes (by their sign) alone: others would miss the cache for nothing. */
+static inline __m256 alpha_at(const int *rgba, __m256i index, __m256i chosen)
 {
-    return _mm256_cvtepi32_ps(_mm256_srli_epi32(_mm256_i32gather_epi32(rgba, index, 4), 24));
+    __m256i texel = _mm256_mask_i32gather_epi32(_mm256_setzero_si256(), rgba, index, chosen, 4);
+    return _mm256_cvtepi32_ps(_mm256_srli_epi32(texel, 24));
 }
 
 static inline __m256 mix(__m256 a, __m256 b, __m256 t)
@@ -539,8 +541,9 @@ static inline unsigned are_there(const struct sv_leaf_job *job, int n, __m256 s,
     if (!bits_of(_mm256_castsi256_ps(between)))
         return in;
     __m256i i1 = wrap_high(i, map->width), j1 = _mm256_mullo_epi32(wrap_high(j, map->height), w);
-    __m256 top = mix(alpha_at(rgba, at0), alpha_at(rgba, _mm256_add_epi32(j0, i1)), fu);
-    __m256 low = mix(alpha_at(rgba, _mm256_add_epi32(j1, i0)), alpha_at(rgba, _mm256_add_epi32(j1, i1)), fu);
+    __m256i at1 = _mm256_add_epi32(j0, i1), at2 = _mm256_add_epi32(j1, i0), at3 = _mm256_add_epi32(j1, i1);
+    __m256 top = mix(alpha_at(rgba, at0, between), alpha_at(rgba, at1, between), fu);
+    __m256 low = mix(alpha_at(rgba, at2, between), alpha_at(rgba, at3, between), fu);
     __m256 alpha = mul(mul(mix(top, low, fv), splat(1.0f / 255.0f)), splat(job->alpha_factor));
     __m256 there = _mm256_cmp_ps(alpha, splat(job->alpha_cutoff), _CMP_NLT_UQ);
     return in | (bits_of(there) & bits_of(_mm256_castsi256_ps(between)));
