@@ -8,8 +8,9 @@
 
 enum { LAST_LEVEL = SV_SPRITE_LEVELS - 1 };
 
-/* Half of the zone where one picture passes into the next, of the way between them (impostor.h). */
-static const float BLEND_HALF = 0.1f;
+/* Half of the zone where one picture passes into the next, of the way between them (impostor.h): a share of
+ * the tree's height in the picture, px, held between bounds: what is small changes unseen. */
+static const float BLEND_HALF_A_PX = 1.0f / 400, BLEND_HALF_MIN = 0.02f, BLEND_HALF_MAX = 0.12f;
 /* Added to the level that has one texel a pixel: a forest's gradient energy is that of ray casts. */
 /* What stands out of a crown by one rms gets more of the sun by the first, and by the second times the cosine
  * between the directions to sun and viewer, and more of the sky by the third: leaves shade one another, of
@@ -380,8 +381,9 @@ int sv_sprite_set_up(const struct sv_sprite_frame_view *view, const struct sv_sp
     float weights[SV_SPRITE_FRAMES_MAX], lo[2] = {INFINITY, INFINITY}, hi[2] = {-INFINITY, -INFINITY};
     bool in_front = true;
     describe(view, tree, &of);
-    int found = sv_impostor_blend(of.model_viewer[0], of.model_viewer[1], of.model_viewer[2], BLEND_HALF,
-                                  frames, weights);
+    float half = fminf(fmaxf(of.pixels * BLEND_HALF_A_PX, BLEND_HALF_MIN), BLEND_HALF_MAX);
+    int found =
+        sv_impostor_blend(of.model_viewer[0], of.model_viewer[1], of.model_viewer[2], half, frames, weights);
     out->near_z = INFINITY;
     for (int k = 0; k < found; k++) {
         if (species->atlas->frames[frames[k]].level[0].width == 0)
