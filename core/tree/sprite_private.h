@@ -143,6 +143,8 @@ struct sv_sprite_steps {
                   const struct sv_sprite_tile *tile);
 };
 extern const struct sv_sprite_steps sv_sprite_scalar, sv_sprite_avx2;
+/* Instead of what the machine is best at: tests. */
+void sv_sprite_draw_use(struct sv_sprite_draw *draw, const struct sv_sprite_steps *steps);
 
 /* A tile with nothing in it yet. */
 void sv_sprite_tile_clear(int columns, int rows, struct sv_sprite_state *state, struct sv_sprite_tile *tile);

@@ -47,15 +47,16 @@ static int clamp_int(float v, int lo, int hi)
     return v > (float)lo ? v < (float)hi ? (int)v : hi : lo;
 }
 
-/* The box of pixels whose centres lie in [lo, hi], held to the view's rows and columns. */
+/* The box of pixels whose centres lie in [lo, hi], held to the picture, so that a picture does not depend on
+ * the band that it is drawn in; false when none of it is in the band. */
 static bool set_box(const struct sv_sprite_frame_view *view, const float lo[2], const float hi[2],
                     struct sv_sprite_tree *out)
 {
     out->x0 = clamp_int(ceilf(lo[0]), 0, view->width);
     out->x1 = clamp_int(floorf(hi[0]) + 1, 0, view->width);
-    out->y0 = clamp_int(ceilf(lo[1]), view->row_first, view->row_last);
-    out->y1 = clamp_int(floorf(hi[1]) + 1, view->row_first, view->row_last);
-    return out->x0 < out->x1 && out->y0 < out->y1;
+    out->y0 = clamp_int(ceilf(lo[1]), 0, view->height);
+    out->y1 = clamp_int(floorf(hi[1]) + 1, 0, view->height);
+    return out->x0 < out->x1 && out->y0 < out->y1 && out->y0 < view->row_last && out->y1 > view->row_first;
 }
 
 bool sv_sprite_bound(const struct sv_sprite_frame_view *view, const struct sv_sprite_species *species,

@@ -4,6 +4,9 @@ if(TARGET sv_tree_draw AND TARGET sv_scene)
   sv_test(test_tree_impostor SOURCES test_impostor.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree
           TIMEOUT 900)
 endif()
+if(TARGET sv_tree_draw AND TARGET sv_scene)
+  sv_test(test_sprite SOURCES test_sprite.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree TIMEOUT 900)
+endif()
 # Trees in sunlight, against rays.
 if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
   sv_test(test_shade SOURCES test_shade.c LIBS sv_scene_kit sv_tree_draw sv_truth LABELS tree TIMEOUT 600)
