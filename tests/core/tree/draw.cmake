@@ -9,6 +9,7 @@ if(TARGET sv_tree_draw AND TARGET sv_scene)
 endif()
 # Trees in sunlight, against rays.
 if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
+  sv_test(test_sprite_truth LIBS sv_scene_kit sv_tree_draw sv_truth sv_compare LABELS tree TIMEOUT 600)
   sv_test(test_shade SOURCES test_shade.c LIBS sv_scene_kit sv_tree_draw sv_truth LABELS tree TIMEOUT 600)
 endif()
 # Far trees on the CPU: time and error. sv_scene_kit comes from tests/core/view.
