@@ -11,12 +11,17 @@ enum { LAST_LEVEL = SV_SPRITE_LEVELS - 1 };
 /* Half of the zone where one picture passes into the next, of the way between them (impostor.h): a share of
  * the tree's height in the picture, px, held between bounds: what is small changes unseen. */
 static const float BLEND_HALF_A_PX = 1.0f / 400, BLEND_HALF_MIN = 0.02f, BLEND_HALF_MAX = 0.12f;
-/* Added to the level that has one texel a pixel: a forest's gradient energy is that of ray casts. */
+/* Added to the level that has one texel a pixel, for trees of at most the first and at least the second
+ * height, px; between them in between. Finer levels give back the contrast that filtering takes; small trees
+ * would glitter. */
+static const float LEVEL_BIAS[2] = {-0.1f, -0.7f}, LEVEL_BIAS_PX[2] = {20, 80};
+/* Trees change their level at sizes of their own, this much apart at most: a forest's levels do not change in
+ * a line. */
+static const float LEVEL_SPREAD = 0.4f;
 /* What stands out of a crown by one rms gets more of the sun by the first, and by the second times the cosine
  * between the directions to sun and viewer, and more of the sky by the third: leaves shade one another, of
  * which mean openness knows nothing. Fitted to the gradient energy of ray casts of dense forests. */
 static const float STAND = 0.3f, STAND_FACING = 0.3f, STAND_SKY = 0.1f;
-static const float LEVEL_BIAS = -0.6f;
 /* Smaller trees, px, and those that are magnified have their coverage taken between texels. */
 static const float BETWEEN_BELOW_PX = 6;
 /* Trees taller than this in the picture have their texels moved by depth, px. */
@@ -96,10 +101,13 @@ struct detail {
 };
 
 /* pixels: of the picture, a model unit. */
-static struct detail choose_detail(const struct sv_sprite_frame *f, float pixels)
+static struct detail choose_detail(const struct sv_sprite_frame *f, float pixels, uint32_t number)
 {
-    float lod = log2f(f->of.texels / fmaxf(pixels, 1e-12f)) + LEVEL_BIAS;
-    struct detail d = {clamp_int(floorf(lod + 0.5f), 0, LAST_LEVEL), 1};
+    float large = (pixels - LEVEL_BIAS_PX[0]) / (LEVEL_BIAS_PX[1] - LEVEL_BIAS_PX[0]);
+    float bias = LEVEL_BIAS[0] + (LEVEL_BIAS[1] - LEVEL_BIAS[0]) * fminf(fmaxf(large, 0), 1);
+    float lod = log2f(f->of.texels / fmaxf(pixels, 1e-12f)) + bias;
+    float own = (float)(number * 0x9E3779B9u >> 8) * 0x1p-24f - 0.5f;
+    struct detail d = {clamp_int(floorf(lod + LEVEL_SPREAD * own + 0.5f), 0, LAST_LEVEL), 1};
     if (lod > (float)LAST_LEVEL + 0.5f)
         d.inflate = exp2f(lod - (float)LAST_LEVEL - 0.5f);
     return d;
@@ -354,7 +362,7 @@ static void set_picture(const struct sv_sprite_frame_view *view, const struct sv
                         float hi[2], bool *in_front, struct sv_sprite *s)
 {
     const struct sv_sprite_frame *f = &atlas->frames[index];
-    struct detail detail = choose_detail(f, of->pixels);
+    struct detail detail = choose_detail(f, of->pixels, of->tree->number);
     lay(f, detail, of->foot, of->tree->height_m, of->c, of->s, widen(&f->of, of->model_viewer), laid);
     set_texels(atlas, f, detail.level, s);
     s->weight = weight / (255.0f * detail.inflate * detail.inflate);
