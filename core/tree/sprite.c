@@ -145,6 +145,11 @@ static void free_tiles(struct sv_sprite_draw *draw)
     draw->tile_room = 0;
 }
 
+void sv_sprite_draw_use(struct sv_sprite_draw *draw, const struct sv_sprite_steps *steps)
+{
+    draw->steps = steps;
+}
+
 void sv_sprite_draw_destroy(struct sv_sprite_draw *draw)
 {
     if (!draw)
@@ -249,8 +254,8 @@ static void tile_range(const struct slice *s, const struct sv_sprite_tree *tree,
 {
     range[0] = tree->x0 / SV_SPRITE_TILE;
     range[1] = (tree->x1 - 1) / SV_SPRITE_TILE;
-    range[2] = (tree->y0 - s->row_first) / SV_SPRITE_TILE;
-    range[3] = (tree->y1 - 1 - s->row_first) / SV_SPRITE_TILE;
+    range[2] = tree->y0 > s->row_first ? (tree->y0 - s->row_first) / SV_SPRITE_TILE : 0;
+    range[3] = (smaller(tree->y1, s->row_end) - 1 - s->row_first) / SV_SPRITE_TILE;
 }
 
 /* True when the tile may still show something at that depth; loads it. */

@@ -50,8 +50,8 @@ struct sv_sprite_list {
 /* Draws trees[entries[k].tree] over the canvas, whose width and height are the camera's. lights: what
  * sunlight arrives at each (shade.h); {NULL, NULL}: all of it. id and normal planes, where there are any, and
  * then depth too, take what shows at the place where half of the view is covered. Entries of species that
- * were not built are left out. SV_EINVAL when canvas and camera do not fit; SV_ENOMEM (the canvas is then
- * untouched). */
+ * were not built are left out. SV_EINVAL when canvas and camera do not fit; SV_ENOMEM (the canvas may be
+ * half drawn). */
 SV_MUST_CHECK enum sv_status sv_sprite_draw_trees(struct sv_sprite_draw *draw,
                                                   const struct sv_sprite_view *view,
                                                   const struct sv_canvas *canvas, const struct sv_tree *trees,

@@ -89,7 +89,7 @@ struct sv_sprite_state {
 /* Where less than this share still passes a pixel is closed: what would be seen there is taken to be as what
  * was (sprite_resolve.c). Crowns let some light through everywhere: at 1/1024 a forest is drawn twice as
  * deep. */
-#define SV_SPRITE_PASS_MIN (1.0f / 64)
+#define SV_SPRITE_PASS_MIN (1.0f / 32)
 
 /* Draws trees into a tile, nearest first: order[k] indexes trees; picture of tree t: sprites[t.first ...].
  * hard may be NULL. */
@@ -143,6 +143,8 @@ struct sv_sprite_steps {
                   const struct sv_sprite_tile *tile);
 };
 extern const struct sv_sprite_steps sv_sprite_scalar, sv_sprite_avx2;
+/* Instead of what the machine is best at: tests. */
+void sv_sprite_draw_use(struct sv_sprite_draw *draw, const struct sv_sprite_steps *steps);
 
 /* A tile with nothing in it yet. */
 void sv_sprite_tile_clear(int columns, int rows, struct sv_sprite_state *state, struct sv_sprite_tile *tile);

@@ -8,14 +8,20 @@
 
 enum { LAST_LEVEL = SV_SPRITE_LEVELS - 1 };
 
-/* Half of the zone where one picture passes into the next, of the way between them (impostor.h). */
-static const float BLEND_HALF = 0.1f;
-/* Added to the level that has one texel a pixel: a forest's gradient energy is that of ray casts. */
+/* Half of the zone where one picture passes into the next, of the way between them (impostor.h): a share of
+ * the tree's height in the picture, px, held between bounds: what is small changes unseen. */
+static const float BLEND_HALF_A_PX = 1.0f / 400, BLEND_HALF_MIN = 0.02f, BLEND_HALF_MAX = 0.12f;
+/* Added to the level that has one texel a pixel, for trees of at most the first and at least the second
+ * height, px; between them in between. Finer levels give back the contrast that filtering takes; small trees
+ * would glitter. */
+static const float LEVEL_BIAS[2] = {-0.1f, -0.7f}, LEVEL_BIAS_PX[2] = {20, 80};
+/* Trees change their level at sizes of their own, this much apart at most: a forest's levels do not change in
+ * a line. */
+static const float LEVEL_SPREAD = 0.4f;
 /* What stands out of a crown by one rms gets more of the sun by the first, and by the second times the cosine
  * between the directions to sun and viewer, and more of the sky by the third: leaves shade one another, of
  * which mean openness knows nothing. Fitted to the gradient energy of ray casts of dense forests. */
 static const float STAND = 0.3f, STAND_FACING = 0.3f, STAND_SKY = 0.1f;
-static const float LEVEL_BIAS = -0.6f;
 /* Smaller trees, px, and those that are magnified have their coverage taken between texels. */
 static const float BETWEEN_BELOW_PX = 6;
 /* Trees taller than this in the picture have their texels moved by depth, px. */
@@ -46,15 +52,16 @@ static int clamp_int(float v, int lo, int hi)
     return v > (float)lo ? v < (float)hi ? (int)v : hi : lo;
 }
 
-/* The box of pixels whose centres lie in [lo, hi], held to the view's rows and columns. */
+/* The box of pixels whose centres lie in [lo, hi], held to the picture, so that a picture does not depend on
+ * the band that it is drawn in; false when none of it is in the band. */
 static bool set_box(const struct sv_sprite_frame_view *view, const float lo[2], const float hi[2],
                     struct sv_sprite_tree *out)
 {
     out->x0 = clamp_int(ceilf(lo[0]), 0, view->width);
     out->x1 = clamp_int(floorf(hi[0]) + 1, 0, view->width);
-    out->y0 = clamp_int(ceilf(lo[1]), view->row_first, view->row_last);
-    out->y1 = clamp_int(floorf(hi[1]) + 1, view->row_first, view->row_last);
-    return out->x0 < out->x1 && out->y0 < out->y1;
+    out->y0 = clamp_int(ceilf(lo[1]), 0, view->height);
+    out->y1 = clamp_int(floorf(hi[1]) + 1, 0, view->height);
+    return out->x0 < out->x1 && out->y0 < out->y1 && out->y0 < view->row_last && out->y1 > view->row_first;
 }
 
 bool sv_sprite_bound(const struct sv_sprite_frame_view *view, const struct sv_sprite_species *species,
@@ -94,10 +101,13 @@ struct detail {
 };
 
 /* pixels: of the picture, a model unit. */
-static struct detail choose_detail(const struct sv_sprite_frame *f, float pixels)
+static struct detail choose_detail(const struct sv_sprite_frame *f, float pixels, uint32_t number)
 {
-    float lod = log2f(f->of.texels / fmaxf(pixels, 1e-12f)) + LEVEL_BIAS;
-    struct detail d = {clamp_int(floorf(lod + 0.5f), 0, LAST_LEVEL), 1};
+    float large = (pixels - LEVEL_BIAS_PX[0]) / (LEVEL_BIAS_PX[1] - LEVEL_BIAS_PX[0]);
+    float bias = LEVEL_BIAS[0] + (LEVEL_BIAS[1] - LEVEL_BIAS[0]) * fminf(fmaxf(large, 0), 1);
+    float lod = log2f(f->of.texels / fmaxf(pixels, 1e-12f)) + bias;
+    float own = (float)(number * 0x9E3779B9u >> 8) * 0x1p-24f - 0.5f;
+    struct detail d = {clamp_int(floorf(lod + LEVEL_SPREAD * own + 0.5f), 0, LAST_LEVEL), 1};
     if (lod > (float)LAST_LEVEL + 0.5f)
         d.inflate = exp2f(lod - (float)LAST_LEVEL - 0.5f);
     return d;
@@ -352,7 +362,7 @@ static void set_picture(const struct sv_sprite_frame_view *view, const struct sv
                         float hi[2], bool *in_front, struct sv_sprite *s)
 {
     const struct sv_sprite_frame *f = &atlas->frames[index];
-    struct detail detail = choose_detail(f, of->pixels);
+    struct detail detail = choose_detail(f, of->pixels, of->tree->number);
     lay(f, detail, of->foot, of->tree->height_m, of->c, of->s, widen(&f->of, of->model_viewer), laid);
     set_texels(atlas, f, detail.level, s);
     s->weight = weight / (255.0f * detail.inflate * detail.inflate);
@@ -380,8 +390,9 @@ int sv_sprite_set_up(const struct sv_sprite_frame_view *view, const struct sv_sp
     float weights[SV_SPRITE_FRAMES_MAX], lo[2] = {INFINITY, INFINITY}, hi[2] = {-INFINITY, -INFINITY};
     bool in_front = true;
     describe(view, tree, &of);
-    int found = sv_impostor_blend(of.model_viewer[0], of.model_viewer[1], of.model_viewer[2], BLEND_HALF,
-                                  frames, weights);
+    float half = fminf(fmaxf(of.pixels * BLEND_HALF_A_PX, BLEND_HALF_MIN), BLEND_HALF_MAX);
+    int found =
+        sv_impostor_blend(of.model_viewer[0], of.model_viewer[1], of.model_viewer[2], half, frames, weights);
     out->near_z = INFINITY;
     for (int k = 0; k < found; k++) {
         if (species->atlas->frames[frames[k]].level[0].width == 0)
