@@ -70,5 +70,11 @@ static inline bool sv_cloud_bake_covered(const struct sv_cloud_bake *bake, int i
     const struct sv_raster *r = &bake->raster;
     return r->triangle[(size_t)j * (size_t)r->width + (size_t)i] != SV_RASTER_NONE;
 }
+/* The piece that it shows. */
+static inline uint32_t sv_cloud_bake_piece(const struct sv_cloud_bake *bake, int i, int j)
+{
+    const struct sv_raster *r = &bake->raster;
+    return bake->piece[r->triangle[(size_t)j * (size_t)r->width + (size_t)i] / 3];
+}
 
 #endif

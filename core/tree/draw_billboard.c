@@ -20,7 +20,7 @@ enum sv_status sv_form_billboard_build(const struct sv_tree_mesh *mesh, const st
     return status;
 }
 
-static unsigned upload_part(const struct sv_billboards *b, enum sv_billboard_part part)
+unsigned sv_form_billboard_part(const struct sv_billboards *b, enum sv_billboard_part part)
 {
     GLuint name;
     int levels = b->levels[part];
@@ -62,7 +62,7 @@ enum sv_status sv_form_billboard_upload(const struct sv_tree_mesh *mesh, const s
     if (!status) {
         for (int part = 0; part < SV_BILLBOARD_PARTS; part++) {
             t->target[part] = GL_TEXTURE_2D_ARRAY;
-            t->name[part] = upload_part(&b, (enum sv_billboard_part)part);
+            t->name[part] = sv_form_billboard_part(&b, (enum sv_billboard_part)part);
         }
         memcpy(t->params[0], b.translucency, sizeof b.translucency);
         memcpy(t->params[1], b.bar, 12 * sizeof *b.bar); /* coarser ones are a few texels */

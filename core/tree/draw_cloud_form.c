@@ -1,6 +1,8 @@
 #include "core/tree/draw_cloud_form.h"
 
 #include "core/tree/billboard.h"
+#include "core/tree/density.h"
+#include "core/tree/indirect.h"
 
 const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
     [SV_CLOUD_FORM_BILLBOARD] = {.name = "billboard",
@@ -9,18 +11,23 @@ const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
                                  .build = sv_form_billboard_build,
                                  .upload = sv_form_billboard_upload},
     [SV_CLOUD_FORM_DENSITY] = {.name = "density",
-                               .kind = "density2",
+                               .kind = SV_DENSITY_PLAIN_KIND,
                                .fragment = "tree_density.frag",
                                .defines = "#define PLANE_AXES 1\n",
                                .build = sv_form_density_build,
                                .upload = sv_form_density_upload},
     [SV_CLOUD_FORM_DENSITY_PAPER] = {.name = "density_paper",
-                                     .kind = "densitypaper3",
+                                     .kind = SV_DENSITY_PAPER_KIND,
                                      .fragment = "tree_density_paper.frag",
                                      .defines = "#define PLANE_AXES 1\n",
                                      .tested = true,
                                      .build = sv_form_density_paper_build,
                                      .upload = sv_form_density_paper_upload},
+    [SV_CLOUD_FORM_INDIRECT] = {.name = "indirect",
+                                .kind = SV_INDIRECT_KIND,
+                                .fragment = "tree_indirect.frag",
+                                .build = sv_form_indirect_build,
+                                .upload = sv_form_indirect_upload},
 };
 
 const char *sv_cloud_form_name(enum sv_cloud_form form)

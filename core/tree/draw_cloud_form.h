@@ -7,10 +7,11 @@
 #ifndef SV_TREE_DRAW_CLOUD_FORM_H
 #define SV_TREE_DRAW_CLOUD_FORM_H
 
+#include "core/tree/billboard.h"
 #include "core/tree/cloud.h"
 #include "core/tree/draw_cloud.h"
 
-enum { SV_CLOUD_TEXTURES_MAX = 4, SV_CLOUD_PARAMS = 4, SV_CLOUD_OUTLINE = 8 };
+enum { SV_CLOUD_TEXTURES_MAX = 6, SV_CLOUD_PARAMS = 4, SV_CLOUD_OUTLINE = 8 };
 
 /* A species' form on the GL side. */
 struct sv_cloud_textures {
@@ -37,6 +38,9 @@ struct sv_cloud_form_row {
 };
 
 extern const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT];
+
+/* An array texture with a part of billboards: for forms that have them beside their own. */
+unsigned sv_form_billboard_part(const struct sv_billboards *billboards, enum sv_billboard_part part);
 
 /* draw_billboard.c, draw_indirect.c */
 enum sv_status sv_form_billboard_build(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,

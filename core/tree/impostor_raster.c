@@ -328,6 +328,12 @@ void sv_raster_weights(const struct sv_raster *r, int i, int j, float w[3])
     w[0] = 1 - w[1] - w[2];
 }
 
+bool sv_raster_kept(const struct sv_raster *r, int material, float u, float v)
+{
+    const struct sv_raster_texture *t = &r->textures[material];
+    return !t->texels || !r->mesh->materials[material].masked || kept(t, u - floorf(u), v - floorf(v));
+}
+
 void sv_raster_color(const struct sv_raster *raster, int material, float u, float v, float rgb[3])
 {
     const struct sv_raster_texture *t = &raster->textures[material];

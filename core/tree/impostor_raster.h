@@ -51,6 +51,8 @@ void sv_raster_weights(const struct sv_raster *raster, int i, int j, float weigh
 /* For a square raster: sets the square view that just holds the mesh, and transforms the vertices. */
 void sv_raster_aim(struct sv_raster *raster, struct sv_raster_view *view);
 void sv_raster_draw(struct sv_raster *raster);
+/* True where the material's alpha test keeps texture position (u, v). */
+bool sv_raster_kept(const struct sv_raster *raster, int material, float u, float v);
 /* Colour (linear, base colour included) of the texture at uv. */
 void sv_raster_color(const struct sv_raster *raster, int material, float u, float v, float rgb[3]);
 

@@ -67,6 +67,7 @@ static const struct form FORMS[] = {
     {"billboard", draw_cloud, bytes_cloud, SV_CLOUD_FORM_BILLBOARD},
     {"density_paper", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY_PAPER},
     {"density", draw_cloud, bytes_cloud, SV_CLOUD_FORM_DENSITY},
+    {"indirect", draw_cloud, bytes_cloud, SV_CLOUD_FORM_INDIRECT},
 };
 enum { COUNT = sizeof FORMS / sizeof *FORMS };
 
