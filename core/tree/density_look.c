@@ -93,9 +93,8 @@ static void leaf_box(const struct sv_density_leaf *leaf, const struct sv_tree_ma
     enum { SUB = 4 };
     float kept = 0, sum[3] = {0}, all[3] = {0};
     for (int n = 0; n < SUB * SUB; n++) {
-        float s = ((float)i + ((float)(n % SUB) + 0.5f) / SUB) / (float)side,
-              t = ((float)j + ((float)n / SUB + 0.5f) / SUB) / (float)side, c[4];
-        t = ((float)j + ((float)(n / SUB) + 0.5f) / SUB) / (float)side;
+        float s = ((float)i + ((float)(n % SUB) + 0.5f) / SUB) / (float)side;
+        float t = ((float)j + ((float)(n / SUB) + 0.5f) / SUB) / (float)side, c[4];
         leaf_texel(m, leaf->uv_lo[0] + s * (leaf->uv_hi[0] - leaf->uv_lo[0]),
                    leaf->uv_lo[1] + t * (leaf->uv_hi[1] - leaf->uv_lo[1]), c);
         bool in = !m->masked || c[3] >= m->alpha_cutoff;

@@ -136,8 +136,8 @@ static enum sv_status upload_plain(const struct sv_density *density, const uint8
 static enum sv_status upload_paper(const struct sv_density *density, const struct sv_tree_mesh *mesh,
                                    uint8_t *texels, struct sv_cloud_textures *t, struct sv_error *error)
 {
-    /* 16 bits, so that periods are filtered as finely as a GPU does: OSMesa filters 8 bits in 8 bits, and what a
-     * period is off by grows with the distance from the origin */
+    /* 16 bits, so that periods are filtered as finely as a GPU does: OSMesa filters 8 bits in 8 bits, and
+     * what a period is off by counts the more the farther the place is from the origin. */
     t->bytes += 2 * upload_tiles(t, 0, GL_RGBA16, &texels, 1, density->plane_count);
     t->bytes += upload_light(t, 2, density);
     memcpy(t->params[2], density->wood, sizeof density->wood);
