@@ -215,6 +215,48 @@ static void test_paper(void **state)
         compare(SV_CLOUD_FORM_DENSITY_PAPER, SV_DENSITY_PAPER, tall[k], 0.04);
 }
 
+/* Depth and ids take up about as much of the picture as coverage adds up to, however small the plane is seen;
+ * within what one bar for a whole level may miss of a plane. */
+static void test_ids(void **state)
+{
+    (void)state;
+    static const double tall[] = {190, 95, 47, 23};
+    struct plane p;
+    open_plane(SV_CLOUD_FORM_DENSITY, SV_DENSITY_PLAIN, &p);
+    for (size_t k = 0; k < sizeof tall / sizeof *tall; k++) {
+        struct sv_camera camera = facing(&p.cloud->planes[0], tall[k]);
+        struct sv_light light = fixture_light(200, 35);
+        struct sv_error error;
+        struct sv_gl_target *target;
+        struct sv_image color, id;
+        struct sv_gl_frame frame = {.camera = camera, .light = light};
+        const struct sv_tree tree = {.height_m = HEIGHT_M};
+        const struct sv_cull_entry entry = {.tree = 0};
+        double covered = 0, marked = 0;
+        fixture_ok(sv_image_alloc(SIDE, SIDE, 4, SV_PIXEL_U8, &color, &error), &error);
+        fixture_ok(sv_image_alloc(SIDE, SIDE, 1, SV_PIXEL_U32, &id, &error), &error);
+        fixture_ok(sv_gl_target_create(SIDE, SIDE, 1u << SV_LAYER_COLOR | 1u << SV_LAYER_ID, &target, &error),
+                   &error);
+        sv_gl_target_begin(target);
+        fixture_ok(sv_gl_frame_begin(&frame, &error), &error);
+        fixture_ok(sv_cloud_draw_trees(p.draw, SV_CLOUD_FORM_DENSITY, &frame, &tree, &entry, 1, false,
+                                       (struct sv_tree_lights){NULL, NULL}, &error),
+                   &error);
+        fixture_ok(sv_gl_target_read(target, SV_LAYER_COLOR, &color, &error), &error);
+        fixture_ok(sv_gl_target_read(target, SV_LAYER_ID, &id, &error), &error);
+        for (size_t i = 0; i < (size_t)SIDE * SIDE; i++) {
+            covered += ((uint8_t *)color.data)[4 * i + 3] / 255.0;
+            marked += ((uint32_t *)id.data)[i] != 0;
+        }
+        printf("%.0f px: %.1f px covered, %.0f with an id\n", tall[k], covered, marked);
+        assert_true(fabs(marked - covered) <= 0.15 * covered + 3);
+        sv_gl_target_destroy(target);
+        sv_image_free(&color);
+        sv_image_free(&id);
+    }
+    close_plane(&p);
+}
+
 /* Our decoder against Mesa's, on blocks of random bits: Mesa takes thirds and sevenths in few bits. */
 static void test_blocks(void **state)
 {
@@ -248,7 +290,7 @@ int main(void)
     }
     fixture_tree(500, 11, &mesh);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_paper),
-                                       cmocka_unit_test(test_blocks)};
+                                       cmocka_unit_test(test_ids), cmocka_unit_test(test_blocks)};
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     sv_tree_mesh_finish(&mesh);
     sv_gl_context_destroy(context);
