@@ -119,8 +119,9 @@ static void lit(const struct sv_density_look *look, const struct sv_cloud_plane 
     }
 }
 
+/* lights NULL: all light arrives, by the programs that know nothing of it. */
 static void draw(struct plane *p, enum sv_cloud_form form, const struct sv_camera *camera,
-                 const struct sv_light *light, struct sv_image *image)
+                 const struct sv_light *light, const struct sv_tree_lights *lights, struct sv_image *image)
 {
     struct sv_error error;
     struct sv_gl_target *target;
@@ -132,7 +133,7 @@ static void draw(struct plane *p, enum sv_cloud_form form, const struct sv_camer
     sv_gl_target_begin(target);
     fixture_ok(sv_gl_frame_begin(&frame, &error), &error);
     fixture_ok(sv_cloud_draw_trees(p->draw, form, &frame, &tree, &entry, 1, true,
-                                   (struct sv_tree_lights){NULL, NULL}, &error),
+                                   lights ? *lights : (struct sv_tree_lights){NULL, NULL}, &error),
                &error);
     fixture_ok(sv_gl_target_read(target, SV_LAYER_COLOR, image, &error), &error);
     sv_gl_target_destroy(target);
@@ -163,7 +164,7 @@ static void compare(enum sv_cloud_form form, enum sv_density_kind kind, double t
     const struct sv_cloud_plane *plane = &p.cloud->planes[0];
     struct sv_camera camera = facing(plane, tall);
     struct sv_light light = fixture_light(200, 35);
-    draw(&p, form, &camera, &light, &image);
+    draw(&p, form, &camera, &light, NULL, &image);
     double px_m = camera.ortho_height_m / SIDE;
     const float per_px[2] = {(float)(px_m / (2 * (double)(plane->half[0] * HEIGHT_M)) * SV_DENSITY_UV_SIDE),
                              (float)(px_m / (2 * (double)(plane->half[1] * HEIGHT_M)) * SV_DENSITY_UV_SIDE)};
@@ -257,6 +258,44 @@ static void test_ids(void **state)
     close_plane(&p);
 }
 
+/* Light that arrives at the tree (shade.h): none of it leaves the sky alone, all of it the sun's share of the
+ * crown. */
+static void test_shade(void **state)
+{
+    (void)state;
+    static const enum sv_density_kind kinds[] = {SV_DENSITY_PLAIN, SV_DENSITY_PAPER};
+    static const enum sv_cloud_form forms[] = {SV_CLOUD_FORM_DENSITY, SV_CLOUD_FORM_DENSITY_PAPER};
+    for (int k = 0; k < 2; k++) {
+        struct plane p;
+        open_plane(forms[k], kinds[k], &p);
+        struct sv_camera camera = facing(&p.cloud->planes[0], 190);
+        struct sv_light light = fixture_light(200, 35), sky = light;
+        struct sv_tree_light none = {{{0}}}, all;
+        struct sv_tree_light_axes axes = {{0}, {0}};
+        struct sv_image dark, bright, alone;
+        memset(sky.sun_rgb, 0, sizeof sky.sun_rgb);
+        memset(&all, 255, sizeof all);
+        draw(&p, forms[k], &camera, &light, &(struct sv_tree_lights){&none, &axes}, &dark);
+        draw(&p, forms[k], &camera, &light, &(struct sv_tree_lights){&all, &axes}, &bright);
+        draw(&p, forms[k], &camera, &sky, NULL, &alone);
+        long brighter = 0, covered = 0;
+        for (size_t i = 0; i < (size_t)SIDE * SIDE; i++) {
+            const uint8_t *d = (uint8_t *)dark.data + 4 * i, *b = (uint8_t *)bright.data + 4 * i,
+                          *s = (uint8_t *)alone.data + 4 * i;
+            for (int c = 0; c < 4; c++)
+                assert_in_range(abs(d[c] - s[c]), 0, 1);
+            assert_in_range(abs(b[3] - d[3]), 0, 1);
+            covered += d[3] > 128;
+            brighter += d[3] > 128 && b[1] > d[1];
+        }
+        assert_true(covered > 1000 && brighter > covered * 3 / 4);
+        sv_image_free(&dark);
+        sv_image_free(&bright);
+        sv_image_free(&alone);
+        close_plane(&p);
+    }
+}
+
 /* Our decoder against Mesa's, on blocks of random bits: Mesa takes thirds and sevenths in few bits. */
 static void test_blocks(void **state)
 {
@@ -290,7 +329,8 @@ int main(void)
     }
     fixture_tree(500, 11, &mesh);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_paper),
-                                       cmocka_unit_test(test_ids), cmocka_unit_test(test_blocks)};
+                                       cmocka_unit_test(test_ids), cmocka_unit_test(test_shade),
+                                       cmocka_unit_test(test_blocks)};
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     sv_tree_mesh_finish(&mesh);
     sv_gl_context_destroy(context);
