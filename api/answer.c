@@ -140,7 +140,7 @@ static uint64_t hash_resolved(uint64_t h, const struct sv_resolved_view *v)
     const uint64_t integers[] = {
         c->projection,   (uint64_t)c->width,     (uint64_t)c->height, v->air,
         v->plan.raycast, v->plan.draw_trees,     v->plan.shadows,     (uint64_t)v->plan.samples,
-        v->plan.trees};
+        v->plan.trees,   (uint64_t)v->plan.leaf_samples};
     h = hash_vec(hash_vec(hash_vec(hash_vec(h, c->eye), c->right), c->up), c->forward);
     for (size_t k = 0; k < sizeof numbers / sizeof numbers[0]; k++)
         h = sv_hash_double(h, numbers[k]);

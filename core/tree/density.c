@@ -10,16 +10,6 @@
 #include "core/image/dxt.h"
 #include "core/tree/density_private.h"
 
-const char *sv_density_store_kind(enum sv_density_kind kind)
-{
-    static const char *const names[] = {
-#define X(name, store) [name] = store,
-        SV_DENSITY_KIND_LIST(X)
-#undef X
-    };
-    return names[kind];
-}
-
 float sv_density_quadratic_at(const struct sv_density_quadratic *q, float x, float y)
 {
     const float *c = q->c;

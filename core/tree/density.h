@@ -41,16 +41,10 @@ enum {
 #define SV_DENSITY_TONE_DARK 0.4f
 
 /* Kinds of the blobs in the store; digits are raised whenever what is built changes. */
-#define SV_DENSITY_KIND_LIST(X)          \
-    X(SV_DENSITY_PAPER, "densitypaper3") \
-    X(SV_DENSITY_PLAIN, "density2")
-enum sv_density_kind {
-#define X(name, store) name,
-    SV_DENSITY_KIND_LIST(X)
-#undef X
-        SV_DENSITY_KIND_COUNT
-};
-const char *sv_density_store_kind(enum sv_density_kind kind);
+#define SV_DENSITY_PAPER_KIND "densitypaper3"
+#define SV_DENSITY_PLAIN_KIND "density2"
+
+enum sv_density_kind { SV_DENSITY_PAPER, SV_DENSITY_PLAIN, SV_DENSITY_KIND_COUNT };
 
 /* c[0] + c[1] x + c[2] y + c[3] x^2 + c[4] x y + c[5] y^2 */
 struct sv_density_quadratic {

@@ -93,9 +93,8 @@ static void leaf_box(const struct sv_density_leaf *leaf, const struct sv_tree_ma
     enum { SUB = 4 };
     float kept = 0, sum[3] = {0}, all[3] = {0};
     for (int n = 0; n < SUB * SUB; n++) {
-        float s = ((float)i + ((float)(n % SUB) + 0.5f) / SUB) / (float)side,
-              t = ((float)j + ((float)n / SUB + 0.5f) / SUB) / (float)side, c[4];
-        t = ((float)j + ((float)(n / SUB) + 0.5f) / SUB) / (float)side;
+        float s = ((float)i + ((float)(n % SUB) + 0.5f) / SUB) / (float)side;
+        float t = ((float)j + ((float)(n / SUB) + 0.5f) / SUB) / (float)side, c[4];
         leaf_texel(m, leaf->uv_lo[0] + s * (leaf->uv_hi[0] - leaf->uv_lo[0]),
                    leaf->uv_lo[1] + t * (leaf->uv_hi[1] - leaf->uv_lo[1]), c);
         bool in = !m->masked || c[3] >= m->alpha_cutoff;
@@ -157,23 +156,44 @@ enum sv_status sv_density_leaf_picture(const struct sv_density *density, const s
     return status;
 }
 
-/* ---- magnified coverage ---- */
+/* ---- bars of coverage ---- */
 
-float sv_density_sharp_scale(const struct sv_density *density, const uint8_t *texels)
+/* The mean of planes' bars, by what they cover; 0.5 where nothing is. */
+static float mean_bar(const uint8_t *rgba, int side, int planes, float *cover)
 {
-    float *cover = malloc(SV_DENSITY_TEXELS * sizeof *cover);
     double sum = 0, weight = 0;
-    for (int plane = 0; cover && plane < density->plane_count; plane++) {
+    for (int plane = 0; plane < planes; plane++) {
         double covered = 0;
-        for (int t = 0; t < SV_DENSITY_TEXELS; t++) {
-            cover[t] = (float)sv_density_texel((uint8_t *)texels, plane, t)[3] * (1.0f / 255.0f);
+        size_t corner = (size_t)(plane / SV_DENSITY_COLUMNS * side) * (size_t)(side * SV_DENSITY_COLUMNS) +
+                        (size_t)(plane % SV_DENSITY_COLUMNS * side);
+        for (int t = 0; t < side * side; t++) {
+            size_t at =
+                corner + (size_t)(t / side) * (size_t)(side * SV_DENSITY_COLUMNS) + (size_t)(t % side);
+            cover[t] = (float)rgba[4 * at + 3] * (1.0f / 255.0f);
             covered += (double)cover[t];
         }
         if (!(covered > 0))
             continue;
-        sum += covered * 0.5 / (double)sv_coverage_bar(cover, SV_DENSITY_TILE, covered / SV_DENSITY_TEXELS);
+        sum += covered * (double)sv_coverage_bar(cover, side, covered / (side * side));
         weight += covered;
     }
+    return weight > 0 ? (float)(sum / weight) : 0.5f;
+}
+
+float sv_density_sharp_scale(const struct sv_density *density, const uint8_t *texels)
+{
+    float *cover = malloc(SV_DENSITY_TEXELS * sizeof *cover);
+    float bar = cover ? mean_bar(texels, SV_DENSITY_TILE, density->plane_count, cover) : 0.5f;
     free(cover);
-    return weight > 0 ? (float)(sum / weight) : 1;
+    return 0.5f / bar;
+}
+
+void sv_density_bars(const struct sv_density *density, const struct sv_density_levels *levels,
+                     float bars[SV_DENSITY_LEVELS])
+{
+    float *cover = malloc(SV_DENSITY_TEXELS * sizeof *cover);
+    for (int k = 0; k < SV_DENSITY_LEVELS; k++)
+        bars[k] =
+            cover ? mean_bar(levels->albedo[k], SV_DENSITY_TILE >> k, density->plane_count, cover) : 0.5f;
+    free(cover);
 }

@@ -37,6 +37,11 @@ SV_MUST_CHECK enum sv_status sv_density_leaf_picture(const struct sv_density *de
  * much of the planes as there is covered. */
 float sv_density_sharp_scale(const struct sv_density *density, const uint8_t *texels);
 
+/* Coverage that a pixel must have by level, so that what depth and ids are drawn of takes up as much of the
+ * planes as is covered: a crown has them however far it is. */
+void sv_density_bars(const struct sv_density *density, const struct sv_density_levels *levels,
+                     float bars[SV_DENSITY_LEVELS]);
+
 /* What a fragment finds before it is lit; all 0 where it is discarded. */
 struct sv_density_look {
     float coverage, rgb[3], normal[3], occlusion, open[4],

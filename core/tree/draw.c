@@ -202,6 +202,34 @@ static void choose(struct sv_tree_draw *draw, const struct sv_camera *camera,
     }
 }
 
+/* Entries first .. last - 1 of the far list. */
+static enum sv_status draw_sprites(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
+                                   const struct sv_canvas *canvas, uint32_t first, uint32_t last,
+                                   struct sv_tree_lights lights, struct sv_error *error)
+{
+    struct sv_sprite_view view = {&frame->camera, &frame->light, frame->shift_x_px, frame->shift_y_px};
+    struct sv_sprite_list list = {draw->far.entries + first, draw->far.weights + first, last - first, false};
+    return list.count == 0 ? SV_OK
+                           : sv_sprite_draw_trees(draw->sprites, &view, canvas, draw->forest->trees, &list, lights,
+                                                  error);
+}
+
+static enum sv_status draw_leaves(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
+                                  const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
+                                  struct sv_error *error)
+{
+    struct sv_leaf_view view = {frame->camera, frame->light, frame->shift_x_px, frame->shift_y_px};
+    struct sv_leaf_splat_trees list = {.trees = draw->forest->trees,
+                                       .entries = draw->near.entries,
+                                       .count = draw->near.count,
+                                       .weight = draw->near.weights,
+                                       .samples = options->color_only ? options->leaf_samples : 1,
+                                       .lights = lights,
+                                       .id_first = SV_ID_TREE_FIRST};
+    return list.count == 0 ? SV_OK
+                           : sv_leaf_splat_draw(draw->leaves, &view, options->canvas, &list, NULL, error);
+}
+
 static enum sv_status draw_canvas(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                   const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
                                   struct sv_tree_draw_stats *stats, struct sv_error *error)
@@ -213,19 +241,16 @@ static enum sv_status draw_canvas(struct sv_tree_draw *draw, const struct sv_gl_
     if (status)
         return status;
     choose(draw, &frame->camera, options);
-    struct sv_leaf_view leaf_view = {frame->camera, frame->light, frame->shift_x_px, frame->shift_y_px};
-    struct sv_leaf_splat_trees near = {.trees = draw->forest->trees,
-                                       .entries = draw->near.entries,
-                                       .count = draw->near.count,
-                                       .weight = draw->near.weights,
-                                       .lights = lights,
-                                       .id_first = SV_ID_TREE_FIRST};
-    status = sv_leaf_splat_draw(draw->leaves, &leaf_view, options->canvas, &near, NULL, error);
-    struct sv_sprite_view view = {&frame->camera, &frame->light, frame->shift_x_px, frame->shift_y_px};
-    struct sv_sprite_list far = {draw->far.entries, draw->far.weights, draw->far.count, false};
+    /* Leaves of several samples are blended over what is behind them: sprites beyond the farthest of them come
+     * first, the others, hidden by the leaves' depth, after them. */
+    uint32_t farthest = draw->near.count ? draw->near.entries[draw->near.count - 1].key : 0, before = 0;
+    while (before < draw->far.count && draw->far.entries[before].key <= farthest)
+        before++;
+    status = draw_sprites(draw, frame, options->canvas, before, draw->far.count, lights, error);
     if (!status)
-        status = sv_sprite_draw_trees(draw->sprites, &view, options->canvas, draw->forest->trees, &far, lights,
-                                      error);
+        status = draw_leaves(draw, frame, options, lights, error);
+    if (!status)
+        status = draw_sprites(draw, frame, options->canvas, 0, before, lights, error);
     stats->trees[SV_TREE_FORM_LEAF] = draw->near.count;
     stats->trees[SV_TREE_FORM_COARSE] = draw->far.count;
     return status;

@@ -46,12 +46,13 @@ bool sv_tree_form_on_canvas(enum sv_tree_form form);
 struct sv_tree_draw_options {
     enum sv_tree_form form;
     double error_px; /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
+    int leaf_samples; /* a pixel, of leaf splats, when color_only: 1, 2, 4, 8, 16 */
     bool color_only; /* nobody reads depth, id or normal after this call: blended forms leave them alone */
     const struct sv_tree_shade *shade; /* NULL: no shadows; else made of this drawing, updated for the frame's
                                           sun */
     const struct sv_canvas *canvas; /* forms on the CPU: what terrain and objects left, of the frame's size */
 };
-#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 1, false, NULL, NULL})
+#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 1, 4, false, NULL, NULL})
 
 /* A tree that fades from one form into the other counts in both. */
 struct sv_tree_draw_stats {

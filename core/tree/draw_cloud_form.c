@@ -1,6 +1,7 @@
 #include "core/tree/draw_cloud_form.h"
 
 #include "core/tree/billboard.h"
+#include "core/tree/density.h"
 #include "core/tree/indirect.h"
 
 const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
@@ -10,13 +11,13 @@ const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT] = {
                                  .build = sv_form_billboard_build,
                                  .upload = sv_form_billboard_upload},
     [SV_CLOUD_FORM_DENSITY] = {.name = "density",
-                               .kind = "density2",
+                               .kind = SV_DENSITY_PLAIN_KIND,
                                .fragment = "tree_density.frag",
                                .defines = "#define PLANE_AXES 1\n",
                                .build = sv_form_density_build,
                                .upload = sv_form_density_upload},
     [SV_CLOUD_FORM_DENSITY_PAPER] = {.name = "density_paper",
-                                     .kind = "densitypaper3",
+                                     .kind = SV_DENSITY_PAPER_KIND,
                                      .fragment = "tree_density_paper.frag",
                                      .defines = "#define PLANE_AXES 1\n",
                                      .tested = true,

@@ -129,6 +129,9 @@ static enum sv_status upload_plain(const struct sv_density *density, const uint8
     t->bytes += upload_tiles(t, 1, GL_RGBA8, levels.normal, SV_DENSITY_LEVELS, density->plane_count);
     t->bytes += upload_light(t, 2, density);
     t->params[1][1] = sv_density_sharp_scale(density, texels);
+    float bars[SV_DENSITY_LEVELS];
+    sv_density_bars(density, &levels, bars);
+    memcpy(t->params + 2, bars, sizeof bars); /* params[2] and [3] */
     sv_density_levels_finish(&levels);
     return SV_OK;
 }
@@ -136,8 +139,8 @@ static enum sv_status upload_plain(const struct sv_density *density, const uint8
 static enum sv_status upload_paper(const struct sv_density *density, const struct sv_tree_mesh *mesh,
                                    uint8_t *texels, struct sv_cloud_textures *t, struct sv_error *error)
 {
-    /* 16 bits, so that periods are filtered as finely as a GPU does: OSMesa filters 8 bits in 8 bits, and what a
-     * period is off by grows with the distance from the origin */
+    /* 16 bits, so that periods are filtered as finely as a GPU does: OSMesa filters 8 bits in 8 bits, and
+     * what a period is off by counts the more the farther the place is from the origin. */
     t->bytes += 2 * upload_tiles(t, 0, GL_RGBA16, &texels, 1, density->plane_count);
     t->bytes += upload_light(t, 2, density);
     memcpy(t->params[2], density->wood, sizeof density->wood);

@@ -4,7 +4,8 @@
  * would have to be shifted to be as far (mean absolute difference of 8-bit sRGB) from itself as the form's
  * picture is. So it grows with blur, with misplaced outlines, with wrong colour and with noise alike, and is
  * free of contrast and lighting (own derivation). Polygons: leaf splats at fraction 1, which are exact
- * (leaf_splat.h), mean of 16 samples a pixel, of 4 where trees are large; the form has one. Means over SV_LADDER_VIEWS directions, which lie
+ * (leaf_splat.h), 16 samples a pixel, 8 where trees are large. The leaves' form has four and is
+ * thinned out as it is when drawn. Means over SV_LADDER_VIEWS directions, which lie
  * between the sprites' frames as often as on them.
  *
  * The forms of `auto` differ in cost by more than ten times at every size, so cheapest first is a fixed order:

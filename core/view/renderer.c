@@ -316,6 +316,7 @@ static enum sv_status draw_trees(struct sv_renderer *r, const struct sv_resolved
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
     options.form = form_of(view->plan.trees);
     options.error_px = view->plan.tree_error_px;
+    options.leaf_samples = view->plan.samples > 1 ? 1 : view->plan.leaf_samples;
     options.color_only = r->target_layers == 1u << SV_LAYER_COLOR;
     options.shade = frame->shadows ? r->shade : NULL;
     options.canvas = canvas;

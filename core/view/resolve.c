@@ -169,11 +169,12 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
  * form (ladder.h), and how large the texels of a relief may be. */
 static const struct {
     double terrain_error_px, tree_error_px, relief_texel_px;
+    int leaf_samples;
 } quality_table[SV_QUALITY_COUNT] = {
-    [SV_QUALITY_FAST] = {2.0, 2, 2},
-    [SV_QUALITY_BALANCED] = {1.0, 1.25, 1},
-    [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5},
-    [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0},
+    [SV_QUALITY_FAST] = {2.0, 2, 2, 2},
+    [SV_QUALITY_BALANCED] = {1.0, 1.25, 1, 4},
+    [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5, 8},
+    [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 16},
 };
 
 static void resolve_plan(const struct sv_view_request *request, struct sv_plan *plan)
@@ -186,6 +187,7 @@ static void resolve_plan(const struct sv_view_request *request, struct sv_plan *
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;
     plan->relief_texel_px =
         request->relief == SV_RELIEF_OFF ? 0 : quality_table[request->quality].relief_texel_px;
+    plan->leaf_samples = quality_table[request->quality].leaf_samples;
     plan->tree_error_px = quality_table[request->quality].tree_error_px;
     plan->trees = plan->raycast && plan->draw_trees ? SV_TREES_RAYCAST : request->trees;
 }

@@ -18,13 +18,24 @@ float sharpened(float coverage, float lod)
     return clamp((scaled - 0.5) * steep + 0.5, 0.0, 1.0);
 }
 
+// Coverage that depth and ids ask for: sv_density_bars, in params[2] and [3].
+float bar_of(float lod)
+{
+#ifdef HARD
+    int level = clamp(int(lod + 0.5), 0, 7);
+    return lod < 0.0 ? 0.5 : params[2 + level / 4][level % 4];
+#else
+    return 0.5;
+#endif
+}
+
 void main()
 {
     vec2 dx = dFdx(st.xy) * TILE, dy = dFdy(st.xy) * TILE;
     float lod = 0.5 * log2(max(abs(dx.x * dy.y - dx.y * dy.x), 1e-12)) + LOD_BIAS;
     vec4 rgba = textureLod(albedo, st, lod);
     float alpha = sharpened(rgba.a, lod);
-    cloud_test(alpha, 0.5);
+    cloud_test(alpha, bar_of(lod));
     vec3 rgb = rgba.rgb / max(rgba.a, 1e-4);
     vec4 g = textureLod(normals, st, lod), o = textureLod(light, st, 0.0);
     vec3 n = g.xyz * 2.0 - 1.0;

@@ -13,6 +13,9 @@
 #include <cmocka.h>
 
 #include "core/base/color.h"
+#include "core/base/rng.h"
+#include "core/gl/functions.h"
+#include "core/image/dxt.h"
 #include "core/tree/density_look.h"
 #include "core/tree/draw_cloud.h"
 #include "tests/core/tree/draw_fixture.h"
@@ -116,8 +119,9 @@ static void lit(const struct sv_density_look *look, const struct sv_cloud_plane 
     }
 }
 
+/* lights NULL: all light arrives, by the programs that know nothing of it. */
 static void draw(struct plane *p, enum sv_cloud_form form, const struct sv_camera *camera,
-                 const struct sv_light *light, struct sv_image *image)
+                 const struct sv_light *light, const struct sv_tree_lights *lights, struct sv_image *image)
 {
     struct sv_error error;
     struct sv_gl_target *target;
@@ -129,7 +133,7 @@ static void draw(struct plane *p, enum sv_cloud_form form, const struct sv_camer
     sv_gl_target_begin(target);
     fixture_ok(sv_gl_frame_begin(&frame, &error), &error);
     fixture_ok(sv_cloud_draw_trees(p->draw, form, &frame, &tree, &entry, 1, true,
-                                   (struct sv_tree_lights){NULL, NULL}, &error),
+                                   lights ? *lights : (struct sv_tree_lights){NULL, NULL}, &error),
                &error);
     fixture_ok(sv_gl_target_read(target, SV_LAYER_COLOR, image, &error), &error);
     sv_gl_target_destroy(target);
@@ -160,7 +164,7 @@ static void compare(enum sv_cloud_form form, enum sv_density_kind kind, double t
     const struct sv_cloud_plane *plane = &p.cloud->planes[0];
     struct sv_camera camera = facing(plane, tall);
     struct sv_light light = fixture_light(200, 35);
-    draw(&p, form, &camera, &light, &image);
+    draw(&p, form, &camera, &light, NULL, &image);
     double px_m = camera.ortho_height_m / SIDE;
     const float per_px[2] = {(float)(px_m / (2 * (double)(plane->half[0] * HEIGHT_M)) * SV_DENSITY_UV_SIDE),
                              (float)(px_m / (2 * (double)(plane->half[1] * HEIGHT_M)) * SV_DENSITY_UV_SIDE)};
@@ -212,6 +216,109 @@ static void test_paper(void **state)
         compare(SV_CLOUD_FORM_DENSITY_PAPER, SV_DENSITY_PAPER, tall[k], 0.04);
 }
 
+/* Depth and ids take up about as much of the picture as coverage adds up to, however small the plane is seen;
+ * within what one bar for a whole level may miss of a plane. */
+static void test_ids(void **state)
+{
+    (void)state;
+    static const double tall[] = {190, 95, 47, 23};
+    struct plane p;
+    open_plane(SV_CLOUD_FORM_DENSITY, SV_DENSITY_PLAIN, &p);
+    for (size_t k = 0; k < sizeof tall / sizeof *tall; k++) {
+        struct sv_camera camera = facing(&p.cloud->planes[0], tall[k]);
+        struct sv_light light = fixture_light(200, 35);
+        struct sv_error error;
+        struct sv_gl_target *target;
+        struct sv_image color, id;
+        struct sv_gl_frame frame = {.camera = camera, .light = light};
+        const struct sv_tree tree = {.height_m = HEIGHT_M};
+        const struct sv_cull_entry entry = {.tree = 0};
+        double covered = 0, marked = 0;
+        fixture_ok(sv_image_alloc(SIDE, SIDE, 4, SV_PIXEL_U8, &color, &error), &error);
+        fixture_ok(sv_image_alloc(SIDE, SIDE, 1, SV_PIXEL_U32, &id, &error), &error);
+        fixture_ok(sv_gl_target_create(SIDE, SIDE, 1u << SV_LAYER_COLOR | 1u << SV_LAYER_ID, &target, &error),
+                   &error);
+        sv_gl_target_begin(target);
+        fixture_ok(sv_gl_frame_begin(&frame, &error), &error);
+        fixture_ok(sv_cloud_draw_trees(p.draw, SV_CLOUD_FORM_DENSITY, &frame, &tree, &entry, 1, false,
+                                       (struct sv_tree_lights){NULL, NULL}, &error),
+                   &error);
+        fixture_ok(sv_gl_target_read(target, SV_LAYER_COLOR, &color, &error), &error);
+        fixture_ok(sv_gl_target_read(target, SV_LAYER_ID, &id, &error), &error);
+        for (size_t i = 0; i < (size_t)SIDE * SIDE; i++) {
+            covered += ((uint8_t *)color.data)[4 * i + 3] / 255.0;
+            marked += ((uint32_t *)id.data)[i] != 0;
+        }
+        printf("%.0f px: %.1f px covered, %.0f with an id\n", tall[k], covered, marked);
+        assert_true(fabs(marked - covered) <= 0.15 * covered + 3);
+        sv_gl_target_destroy(target);
+        sv_image_free(&color);
+        sv_image_free(&id);
+    }
+    close_plane(&p);
+}
+
+/* Light that arrives at the tree (shade.h): none of it leaves the sky alone, all of it the sun's share of the
+ * crown. */
+static void test_shade(void **state)
+{
+    (void)state;
+    static const enum sv_density_kind kinds[] = {SV_DENSITY_PLAIN, SV_DENSITY_PAPER};
+    static const enum sv_cloud_form forms[] = {SV_CLOUD_FORM_DENSITY, SV_CLOUD_FORM_DENSITY_PAPER};
+    for (int k = 0; k < 2; k++) {
+        struct plane p;
+        open_plane(forms[k], kinds[k], &p);
+        struct sv_camera camera = facing(&p.cloud->planes[0], 190);
+        struct sv_light light = fixture_light(200, 35), sky = light;
+        struct sv_tree_light none = {{{0}}}, all;
+        struct sv_tree_light_axes axes = {{0}, {0}};
+        struct sv_image dark, bright, alone;
+        memset(sky.sun_rgb, 0, sizeof sky.sun_rgb);
+        memset(&all, 255, sizeof all);
+        draw(&p, forms[k], &camera, &light, &(struct sv_tree_lights){&none, &axes}, &dark);
+        draw(&p, forms[k], &camera, &light, &(struct sv_tree_lights){&all, &axes}, &bright);
+        draw(&p, forms[k], &camera, &sky, NULL, &alone);
+        long brighter = 0, covered = 0;
+        for (size_t i = 0; i < (size_t)SIDE * SIDE; i++) {
+            const uint8_t *d = (uint8_t *)dark.data + 4 * i, *b = (uint8_t *)bright.data + 4 * i,
+                          *s = (uint8_t *)alone.data + 4 * i;
+            for (int c = 0; c < 4; c++)
+                assert_in_range(abs(d[c] - s[c]), 0, 1);
+            assert_in_range(abs(b[3] - d[3]), 0, 1);
+            covered += d[3] > 128;
+            brighter += d[3] > 128 && b[1] > d[1];
+        }
+        assert_true(covered > 1000 && brighter > covered * 3 / 4);
+        sv_image_free(&dark);
+        sv_image_free(&bright);
+        sv_image_free(&alone);
+        close_plane(&p);
+    }
+}
+
+/* Our decoder against Mesa's, on blocks of random bits: Mesa takes thirds and sevenths in few bits. */
+static void test_blocks(void **state)
+{
+    (void)state;
+    enum { TEXELS = 64, DXT5 = 0x83F3 /* GL_COMPRESSED_RGBA_S3TC_DXT5_EXT */ };
+    static uint8_t blocks[TEXELS * TEXELS], ours[TEXELS * TEXELS * 4], theirs[TEXELS * TEXELS * 4];
+    struct sv_rng rng = sv_rng_seeded(17, 0);
+    struct sv_error error;
+    GLuint name;
+    for (size_t k = 0; k < sizeof blocks; k++)
+        blocks[k] = (uint8_t)(sv_rng_next(&rng) >> 56);
+    gl.GenTextures(1, &name);
+    gl.BindTexture(GL_TEXTURE_2D, name);
+    gl.CompressedTexImage2D(GL_TEXTURE_2D, 0, DXT5, TEXELS, TEXELS, 0, sizeof blocks, blocks);
+    gl.GetTexImage(GL_TEXTURE_2D, 0, GL_RGBA, GL_UNSIGNED_BYTE, theirs);
+    gl.DeleteTextures(1, &name);
+    fixture_ok(sv_gl_check("reading blocks back", &error), &error);
+    sv_dxt5_decode(blocks, TEXELS, TEXELS, ours);
+    for (size_t k = 0; k < sizeof ours; k++)
+        if (abs(ours[k] - theirs[k]) > 2)
+            fail_msg("byte %zu: %d, not %d", k, ours[k], theirs[k]);
+}
+
 int main(void)
 {
     struct sv_error error;
@@ -221,7 +328,9 @@ int main(void)
         return 1;
     }
     fixture_tree(500, 11, &mesh);
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_paper)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_paper),
+                                       cmocka_unit_test(test_ids), cmocka_unit_test(test_shade),
+                                       cmocka_unit_test(test_blocks)};
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     sv_tree_mesh_finish(&mesh);
     sv_gl_context_destroy(context);
