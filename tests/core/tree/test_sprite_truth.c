@@ -118,16 +118,14 @@ static void draw_sprites(const struct sv_camera *camera, const struct sv_light *
     for (int k = 0; k < SIDE * SIDE; k++)
         d[k] = d[k] < INFINITY ? (float)camera->near_m / d[k] : 0;
     for (int k = 0; k < SPECIES; k++)
-        species[k] = (struct sv_cull_species){scene->species[k].mesh.radius, 1};
-    struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
-    options.form = SV_TREE_FORM_IMPOSTOR;
+        species[k] = (struct sv_cull_species){scene->species[k].mesh.radius};
     sv_camera_planes(camera, planes);
-    ok(sv_cull_forest(&scene->forest, species, camera, planes, &options, &cull, &error), &error);
+    ok(sv_cull_forest(&scene->forest, species, camera, planes, &cull, &error), &error);
     struct sv_canvas canvas = {
         .width = SIDE, .height = SIDE, .row_count = SIDE, .depth = depth.data, .color = color->data};
     struct sv_sprite_view view = {.camera = camera, .light = light};
     struct sv_sprite_list list = {
-        .entries = cull.entries, .count = cull.impostor_count, .farthest_first = true};
+        .entries = cull.entries, .count = cull.count};
     assert_true(list.count > 100);
     ok(sv_sprite_draw_trees(draw, &view, &canvas, scene->forest.trees, &list,
                             (struct sv_tree_lights){NULL, NULL}, &error),
