@@ -223,7 +223,7 @@ static enum sv_status draw_leaves(struct sv_tree_draw *draw, const struct sv_gl_
                                        .entries = draw->near.entries,
                                        .count = draw->near.count,
                                        .weight = draw->near.weights,
-                                       .samples = options->color_only ? options->leaf_samples : 1,
+                                       .samples = options->canvas->id || options->canvas->normal ? 1 : options->leaf_samples,
                                        .lights = lights,
                                        .id_first = SV_ID_TREE_FIRST};
     return list.count == 0 ? SV_OK

@@ -46,7 +46,7 @@ bool sv_tree_form_on_canvas(enum sv_tree_form form);
 struct sv_tree_draw_options {
     enum sv_tree_form form;
     double error_px; /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
-    int leaf_samples; /* a pixel, of leaf splats, when color_only: 1, 2, 4, 8, 16 */
+    int leaf_samples; /* a pixel, of leaf splats, into a canvas of colour and depth alone: 1, 2, 4, 8, 16; else 1 */
     bool color_only; /* nobody reads depth, id or normal after this call: blended forms leave them alone */
     const struct sv_tree_shade *shade; /* NULL: no shadows; else made of this drawing, updated for the frame's
                                           sun */

@@ -156,6 +156,18 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
         *cpu_ms = clock_ms(CLOCK_PROCESS_CPUTIME_ID) - cpu_since;
 }
 
+/* What the truth depends on: not how we would have drawn the view. */
+static uint64_t truth_key(const struct forest *forest, const struct sv_resolved_view *view)
+{
+    const struct sv_camera *c = &view->camera;
+    const struct sv_vec3 vectors[] = {c->eye, c->right, c->up, c->forward};
+    const double numbers[] = {c->vfov_rad, c->width, c->height, view->sun.azimuth_rad, view->sun.elevation_rad,
+                              view->plan.shadows};
+    uint64_t key = sv_hash_u64(SV_HASH_INIT, forest->scene->version);
+    key = sv_hash_bytes(key, vectors, sizeof vectors);
+    return sv_hash_bytes(key, numbers, sizeof numbers);
+}
+
 void forest_truth(const struct forest *forest, const struct sv_view_request *request, struct sv_image *color)
 {
     struct sv_error error = {0};
@@ -165,7 +177,7 @@ void forest_truth(const struct forest *forest, const struct sv_view_request *req
     r.samples = 64;
     struct sv_resolved_view view;
     resolve(forest, &r, &view);
-    uint64_t key = sv_hash_bytes(sv_hash_u64(SV_HASH_INIT, forest->scene->version), &view, sizeof view);
+    uint64_t key = truth_key(forest, &view);
     void *data;
     size_t bytes, size = (size_t)r.width * (size_t)r.height * 4;
     if (sv_image_alloc(r.width, r.height, 4, SV_PIXEL_U8, color, &error))

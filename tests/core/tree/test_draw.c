@@ -333,7 +333,8 @@ static void eye_inside_a_crown(void **state)
             for (int i = 0; i < 3 * view.width * view.height; i++)
                 assert_true(isfinite(view.normal[i]));
             for (int i = 0; i < view.width * view.height; i++)
-                assert_true(view.depth[i] >= 0 && view.depth[i] <= 1);
+                if (!(view.depth[i] >= 0 && view.depth[i] <= 1))
+                    fail_msg("form %s, view %d: depth %g", sv_tree_form_name(forms[f]), k, (double)view.depth[i]);
             if (forms[f] != SV_TREE_FORM_COARSE && k < 3)
                 assert_true(fixture_look_at(&view).coverage > 500);
             fixture_view_finish(&view);
