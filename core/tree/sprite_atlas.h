@@ -22,7 +22,7 @@ enum {
 };
 
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_SPRITE_KIND "spr3"
+#define SV_SPRITE_KIND "spr1"
 
 struct sv_sprite_texel {
     uint8_t rgb[3];     /* mean albedo of what covers (straight): 255 times the root of the linear value */
