@@ -8,7 +8,7 @@
 #include "core/tree/impostor_guess.h"
 #include "core/tree/sprite_atlas.h"
 
-enum { SUB = 2, SUMS = SV_SPRITE_LEVELS + 1, ABOUT = 3 };
+enum { SUB = 3, SUMS = SV_SPRITE_LEVELS + 1, ABOUT = 3 };
 
 /* Sums of one level. */
 struct sums {
