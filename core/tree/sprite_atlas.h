@@ -1,10 +1,10 @@
 /* sprite_atlas.h - a tree species baked into 64 pictures for drawing on the CPU (sprite.h).
  *
  * The directions, axes and planes of the frames are those of impostor.h; the texels are finer and laid out
- * for loads of 8 at a time: two 32-bit words a texel, colour and coverage in one, normal and translucency in
- * the other. What is smooth over a crown (sky occlusion, openness to the sun, depth off the frame's plane)
- * has texels twice as large. Each level of each frame is an array of its own, cut to what is covered, with a
- * border one texel wide that covers nothing; no level mixes two frames.
+ * for loads of 8 at a time: two 32-bit words a texel, colour and coverage in one, normal and prominence in
+ * the other. What is smooth over a crown (sky occlusion, openness to the sun, depth off the frame's plane,
+ * translucency) has texels two or four times as large. Each level of each frame is an array of its own, cut
+ * to what is covered, with a border one texel wide that covers nothing; no level mixes two frames.
  *
  * All levels are made from the bake's sums, not from one another: coverage and every mean are rounded once.
  * Where nothing is covered, all but coverage continues what is near, so that filtering takes in no rubbish.
@@ -22,7 +22,7 @@ enum {
 };
 
 /* Kind of the blob in the store; the digit is raised whenever the bake or the layout changes. */
-#define SV_SPRITE_KIND "spr3"
+#define SV_SPRITE_KIND "spr1"
 
 struct sv_sprite_texel {
     uint8_t rgb[3];     /* mean albedo of what covers (straight): 255 times the root of the linear value */

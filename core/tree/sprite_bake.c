@@ -302,13 +302,38 @@ static enum sv_status bake_frame(struct bake *b, int index, struct sv_error *err
     return SV_OK;
 }
 
-/* Gives back what room was too much. */
-static void trim(struct sv_sprite_atlas *atlas)
+/* Puts equal levels of all frames beside one another: a view of far trees reads the coarse ones of many
+ * frames, and these then lie in few pages. Room that was too much goes back. */
+static enum sv_status order_by_level(struct sv_sprite_atlas *atlas, struct sv_error *error)
 {
-    void *texels = realloc(atlas->texels, atlas->texel_count * sizeof *atlas->texels + 1);
-    void *smooth = realloc(atlas->smooth, atlas->smooth_count * sizeof *atlas->smooth + 1);
-    atlas->texels = texels ? texels : atlas->texels;
-    atlas->smooth = smooth ? smooth : atlas->smooth;
+    struct sv_sprite_texel *texels = malloc(atlas->texel_count * sizeof *texels + 1), *t = texels;
+    struct sv_sprite_smooth *smooth = malloc(atlas->smooth_count * sizeof *smooth + 1), *m = smooth;
+    if (!texels || !smooth) {
+        free(texels);
+        free(smooth);
+        return sv_fail(error, SV_ENOMEM, "sprite", "no memory for an atlas of %zu texels",
+                       atlas->texel_count);
+    }
+    for (int k = SV_SPRITE_LEVELS - 1; k >= 0; k--)
+        for (int f = 0; f < SV_IMPOSTOR_FRAMES; f++) {
+            struct sv_sprite_level *l = &atlas->frames[f].level[k];
+            if (l->width == 0)
+                continue;
+            size_t count = (size_t)(l->width + 2) * (size_t)(l->height + 2);
+            size_t coarse =
+                (size_t)sv_sprite_smooth_size(l->width, k) * (size_t)sv_sprite_smooth_size(l->height, k);
+            memcpy(t, atlas->texels + l->texel_first, count * sizeof *t);
+            memcpy(m, atlas->smooth + l->smooth_first, coarse * sizeof *m);
+            l->texel_first = (uint32_t)(t - texels);
+            l->smooth_first = (uint32_t)(m - smooth);
+            t += count;
+            m += coarse;
+        }
+    free(atlas->texels);
+    free(atlas->smooth);
+    atlas->texels = texels;
+    atlas->smooth = smooth;
+    return SV_OK;
 }
 
 enum sv_status sv_sprite_atlas_bake(const struct sv_tree_mesh *mesh, struct sv_sprite_atlas *atlas,
@@ -332,12 +357,12 @@ enum sv_status sv_sprite_atlas_bake(const struct sv_tree_mesh *mesh, struct sv_s
     for (int k = 0; !status && k < SV_IMPOSTOR_FRAMES; k++)
         status = bake_frame(b, k, error);
     sv_frame_bake_finish(&b->frame);
-    if (status) {
+    if (!status)
+        status = order_by_level(&b->out, error);
+    if (status)
         sv_sprite_atlas_finish(&b->out);
-    } else {
-        trim(&b->out);
+    else
         *atlas = b->out;
-    }
     free(b->work);
     free(b->prominent[0]);
     free(b);

@@ -205,9 +205,7 @@ static inline void prefetch(const struct sv_sprite *s, I index)
 {
     const char *ahead = (const char *)(s->texels + 3 * s->stride);
     long first = _mm_cvtsi128_si32(_mm256_castsi256_si128(index));
-    long last = _mm_extract_epi32(_mm256_extracti128_si256(index, 1), 3);
     _mm_prefetch(ahead + 8 * first, _MM_HINT_T0);
-    _mm_prefetch(ahead + 8 * last, _MM_HINT_T0);
 }
 
 /* False when no lane shows anything. */

@@ -26,6 +26,9 @@ static const float STAND = 0.3f, STAND_FACING = 0.3f, STAND_SKY = 0.1f;
 static const float BETWEEN_BELOW_PX = 6;
 /* Trees taller than this in the picture have their texels moved by depth, px. */
 static const float MOVE_MIN_PX = 20;
+/* Pixels a texel of level 0 at which moving by depth begins to fade, and has faded: depth has texels four
+ * times as large, and enlarged crowns would tear along them. */
+static const float MOVE_FADE[2] = {0.6f, 1.2f};
 
 static float dot3(const float a[3], const float b[3])
 {
@@ -366,13 +369,17 @@ static void set_picture(const struct sv_sprite_frame_view *view, const struct sv
     lay(f, detail, of->foot, of->tree->height_m, of->c, of->s, widen(&f->of, of->model_viewer), laid);
     set_texels(atlas, f, detail.level, s);
     s->weight = weight / (255.0f * detail.inflate * detail.inflate);
-    s->move = of->pixels > MOVE_MIN_PX && f->depth_step > 0;
+    float fade = (MOVE_FADE[1] - of->pixels / f->of.texels) / (MOVE_FADE[1] - MOVE_FADE[0]);
+    fade = fminf(fmaxf(fade, 0), 1);
+    s->depth_first *= fade;
+    s->depth_step *= fade;
+    s->move = of->pixels > MOVE_MIN_PX && s->depth_step > 0;
     s->near_z = INFINITY;
     s->between = of->pixels < BETWEEN_BELOW_PX || of->pixels > f->of.texels;
     const struct sv_sprite_level *l = &f->level[detail.level];
     float u_end = (float)l->width + 1, v_end = (float)l->height + 1;
     for (int k = 0; k < (s->move ? 2 : 1); k++) {
-        float e = s->move ? f->depth_first + (k ? 255 * f->depth_step : 0) : 0;
+        float e = s->move ? s->depth_first + (k ? 255 * s->depth_step : 0) : 0;
         *in_front &= grow_box(view, laid, u_end, v_end, e, lo, hi, &s->near_z);
     }
     set_light(view, of, f, detail.level, s);

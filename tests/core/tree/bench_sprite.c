@@ -1,10 +1,11 @@
 /* bench_sprite.c - far trees on the CPU: time by number of trees, and error against 64-sample ray casts.
  *
- *   bench_sprite [--trees N[,N...]] [--eyes N] [--size PX] [--store DIR] [--truth] [--pictures DIR] [--walk]
+ *   bench_sprite [--trees N[,N...]] [--eyes N] [--size PX] [--side M] [--store DIR] [--truth] [--pictures
+ * DIR] [--walk]
  *
- * A forest of the five demo species, 1 km x 1 km. Each line: trees, eye, ms of cull and sort, of drawing
- * (least of REPEATS), of the GL quads beside it. --truth: mean absolute error, SSIM and gradient energy of
- * the sprites' picture, of the GL quads' and of a one-sample ray cast. Never asserts on time. */
+ * A forest of the five demo species, 1 km x 1 km (--side). Each line: trees, eye, ms of cull and sort, of
+ * drawing (least of REPEATS), of the GL quads beside it. --truth: mean absolute error, SSIM and gradient
+ * energy of the sprites' picture, of the GL quads' and of a one-sample ray cast. Never asserts on time. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -27,7 +28,7 @@
 enum { REPEATS = 5, COUNTS_MAX = 8 };
 
 struct options {
-    int counts[COUNTS_MAX], count, eyes, size;
+    int counts[COUNTS_MAX], count, eyes, size, side_m;
     const char *store, *pictures;
     bool truth, walk, quads;
 };
@@ -63,12 +64,12 @@ static void must(enum sv_status status, const struct sv_error *error)
     exit(1);
 }
 
-static void load(struct stage *s, int trees, struct sv_store *store)
+static void load(struct stage *s, int trees, int side_m, struct sv_store *store)
 {
     char text[2048];
     int bytes = snprintf(
         text, sizeof text,
-        "{\"name\": \"bench\", \"terrain\": {\"procedural\": {\"size_m\": 1000, \"samples\": 513, "
+        "{\"name\": \"bench\", \"terrain\": {\"procedural\": {\"size_m\": %d, \"samples\": 513, "
         "\"relief_m\": 60, \"seed\": 11}}, \"species\": ["
         "{\"name\": \"beech\", \"procedural\": {\"habit\": \"broadleaf\", \"leaves\": 38952, "
         "\"seed\": 7}},"
@@ -84,7 +85,7 @@ static void load(struct stage *s, int trees, struct sv_store *store)
         "1, \"spruce\": 1, \"poplar\": 1, \"hazel\": 1}, \"height_m\": [6, 18], \"min_spacing_m\": "
         "2, \"max_slope_deg\": 60}}],"
         "\"sun\": {\"azimuth_deg\": 135, \"elevation_deg\": 40}}",
-        trees);
+        side_m, trees);
     struct sv_scene_spec spec;
     struct sv_errors errors;
     sv_errors_init(&errors);
@@ -103,7 +104,7 @@ static void open_stage(struct stage *s, int trees, const struct options *o, stru
 {
     struct sv_error error;
     memset(s, 0, sizeof *s);
-    load(s, trees, store);
+    load(s, trees, o->side_m, store);
     const struct sv_scene *scene = s->scene;
     must(sv_gl_context_create(&s->gl, &error), &error);
     must(sv_terrain_draw_create(&scene->terrain, store, &s->terrain, &error), &error);
@@ -155,7 +156,7 @@ static struct sv_camera eye_of(const struct stage *s, const struct options *o, i
 {
     const struct sv_heightfield *f = &s->scene->terrain.field;
     double turn = 2 * SV_PI * (k + 0.3) / o->eyes, heading = turn + SV_PI;
-    double x = f->x0 + 500 + 300 * sin(turn), y = f->y0 + 500 + 300 * cos(turn);
+    double x = f->x0 + 0.5 * o->side_m + 300 * sin(turn), y = f->y0 + 0.5 * o->side_m + 300 * cos(turn);
     double up = o->walk ? 1.7 : 30 + 30.0 * ((k * 5) % 8) / 7;
     struct sv_camera c = {.eye = sv_vec3(x, y, kit_surface(f, x, y) + up),
                           .projection = SV_PROJECTION_PERSPECTIVE,
@@ -232,8 +233,8 @@ static void ray_cast_once(const struct stage *s, const struct options *o, const 
                           int samples, struct sv_image *color, int trees, int eye, double *ms)
 {
     char path[512];
-    snprintf(path, sizeof path, "%s/truth_%d_%d_%d_%d_%d%s.raw", o->store ? o->store : ".", trees, o->eyes, eye, o->size,
-             samples, o->walk ? "w" : "");
+    snprintf(path, sizeof path, "%s/truth_%d_%d_%d_%d_%d%s.raw", o->store ? o->store : ".", trees, o->eyes,
+             eye, o->size, samples, o->walk ? "w" : "");
     FILE *file = o->store ? fopen(path, "rb") : NULL;
     bool there = file && fread(color->data, 1, sv_image_bytes(color), file) == sv_image_bytes(color);
     if (file)
@@ -343,7 +344,7 @@ static void view(struct stage *s, const struct options *o, int trees, int k, dou
 
 static void parse(int count, char **arguments, struct options *o)
 {
-    *o = (struct options){.counts = {5000, 20000, 45000}, .count = 3, .eyes = 4, .size = 512};
+    *o = (struct options){.counts = {5000, 20000, 45000}, .count = 3, .eyes = 4, .size = 512, .side_m = 1000};
     for (int k = 1; k < count; k++) {
         const char *a = arguments[k], *next = k + 1 < count ? arguments[k + 1] : "";
         if (strcmp(a, "--truth") == 0)
@@ -356,6 +357,8 @@ static void parse(int count, char **arguments, struct options *o)
             o->eyes = atoi(next);
         else if (strcmp(a, "--size") == 0 && ++k)
             o->size = atoi(next);
+        else if (strcmp(a, "--side") == 0 && ++k)
+            o->side_m = atoi(next);
         else if (strcmp(a, "--store") == 0 && ++k)
             o->store = next;
         else if (strcmp(a, "--pictures") == 0 && ++k)
@@ -366,8 +369,9 @@ static void parse(int count, char **arguments, struct options *o)
                  p = strchr(p, ',') ? strchr(p, ',') + 1 : NULL)
                 o->counts[o->count++] = atoi(p);
         } else {
-            fprintf(stderr, "bench_sprite [--trees N,...] [--eyes N] [--size PX] [--store DIR] [--truth] "
-                            "[--quads] [--pictures DIR] [--walk]\n");
+            fprintf(stderr,
+                    "bench_sprite [--trees N,...] [--eyes N] [--size PX] [--side M] [--store DIR] [--truth] "
+                    "[--quads] [--pictures DIR] [--walk]\n");
             exit(1);
         }
     }
