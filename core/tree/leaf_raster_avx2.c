@@ -89,8 +89,8 @@ static inline __m256 move_block(const struct sv_leaf_job *job, uint32_t at, bool
     }
     if (thins) {
         const struct sv_leaf_fade *fade = &job->form->fades[at];
-        __m256 growth = _mm256_div_ps(sub(splat(job->thin.upto), _mm256_load_ps(fade->rank)),
-                                      splat(job->thin.window));
+        __m256 growth =
+            _mm256_div_ps(sub(splat(job->thin.upto), _mm256_load_ps(fade->rank)), splat(job->thin.window));
         there = _mm256_cmp_ps(growth, _mm256_setzero_ps(), _CMP_GT_OQ);
         __m256 k = mul(splat(job->thin.scale), _mm256_sqrt_ps(_mm256_min_ps(growth, splat(1))));
         for (int c = 0; c < 3; c++) {
@@ -148,7 +148,10 @@ static inline void extent(const struct moved *m, bool card, bool orthographic, s
     for (int k = 0; k < (card ? 4 : 3); k++) {
         __m256 p[3];
         for (int c = 0; c < 3; c++) {
-            p[c] = k == 0 ? m->v[c] : k == 2 && !card ? add(m->v[c], m->v[6 + c]) : k == 3 ? add(m->v[c], m->v[6 + c]) : add(m->v[c], m->v[3 + c]);
+            p[c] = k == 0            ? m->v[c]
+                   : k == 2 && !card ? add(m->v[c], m->v[6 + c])
+                   : k == 3          ? add(m->v[c], m->v[6 + c])
+                                     : add(m->v[c], m->v[3 + c]);
             if (k == 2 && card)
                 p[c] = add(p[c], m->v[6 + c]);
         }
@@ -293,8 +296,7 @@ static inline void set_orthographic(const struct sv_leaf_eye *eye, const __m256 
     scale(&p->r, g);
     p->q = (struct plane){{_mm256_setzero_ps(), _mm256_setzero_ps(), splat(1)}};
     for (int k = 0; k < 3; k++)
-        p->d.f[k] =
-            mul(add(mul(p->s.f[k], v[5]), mul(p->r.f[k], v[8])), _mm256_xor_ps(f, minus));
+        p->d.f[k] = mul(add(mul(p->s.f[k], v[5]), mul(p->r.f[k], v[8])), _mm256_xor_ps(f, minus));
     p->d.f[2] = add(sub(splat(1), mul(v[2], f)), p->d.f[2]);
 }
 
@@ -375,7 +377,8 @@ static inline void raster_eight(struct sv_leaf_job *job, const struct sv_leaf_qu
     int lanes = queue->count - n;
     nx = _mm256_and_si256(nx, _mm256_cmpgt_epi32(_mm256_set1_epi32(lanes), lane)); /* the queue's end */
     __m256i pixel = _mm256_add_epi32(_mm256_mullo_epi32(j0, width), i0);
-    int columns = most_of(nx), rows = most_of(_mm256_and_si256(ny, _mm256_cmpgt_epi32(nx, _mm256_setzero_si256())));
+    int columns = most_of(nx),
+        rows = most_of(_mm256_and_si256(ny, _mm256_cmpgt_epi32(nx, _mm256_setzero_si256())));
     for (int ky = 0; ky < rows; ky++) {
         __m256 row = more_than(ny, ky);
         for (int kx = 0; kx < columns; kx++)
@@ -602,8 +605,5 @@ static float least(const float *depth, int stride, int w, int h)
     return best;
 }
 
-const struct sv_leaf_kernel sv_leaf_avx2 = {.project = project,
-                                            .raster = raster,
-                                            .settle = settle,
-                                            .shade = sv_leaf_shade_avx2,
-                                            .least = least};
+const struct sv_leaf_kernel sv_leaf_avx2 = {
+    .project = project, .raster = raster, .settle = settle, .shade = sv_leaf_shade_avx2, .least = least};

@@ -2,8 +2,8 @@
  *
  * Clusters are drawn nearest first, in 64 slices of the tree's depth. One whose nearest point lies behind the
  * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls; foliage has
- * gaps and hides next to nothing so); tiles are looked at again when asked for after a tree was drawn there. Depths
- * only come nearer: an old answer hides too little, never too much. */
+ * gaps and hides next to nothing so); tiles are looked at again when asked for after a tree was drawn there.
+ * Depths only come nearer: an old answer hides too little, never too much. */
 #include "core/tree/leaf_splat.h"
 
 #include <math.h>
@@ -17,9 +17,10 @@ enum { TILE = 16, SLICES = 64, BAND_PIXELS = 1 << 20, BAND_SAMPLES = 1 << 18 };
 
 /* Leaves grow and go within this share of the ranks. */
 static const float WINDOW = 1.0f / 16;
-/* px^2 that a card of the mean size covers, seen from its front, when thinning out begins. Found on five species of 39,000
- * leaves at 30 to 120 px, 4 samples: the error against 64 rays is then within 5 % of that of all leaves
- * (bench_leaf_splat); what it saves is the projection of leaves, since those that stay cover the same pixels. */
+/* px^2 that a card of the mean size covers, seen from its front, when thinning out begins. Found on five
+ * species of 39,000 leaves at 30 to 120 px, 4 samples: the error against 64 rays is then within 5 % of that
+ * of all leaves (bench_leaf_splat); what it saves is the projection of leaves, since those that stay cover
+ * the same pixels. */
 static const double CARD_PX2 = 0.3;
 /* Least share of the leaves that a tree keeps. */
 static const double FRACTION_MIN = 1.0 / 256;
@@ -31,7 +32,8 @@ struct splat_species {
     struct sv_leaf_form form;
 };
 
-/* What is known of a tile's least depth. RAW: more than one sample a pixel, and none of the tile's made yet. */
+/* What is known of a tile's least depth. RAW: more than one sample a pixel, and none of the tile's made yet.
+ */
 enum tile_state { TILE_KNOWN, TILE_OLD, TILE_RAW };
 
 /* A cluster in the picture. */
@@ -48,7 +50,7 @@ struct sv_leaf_splat {
     struct sv_leaf_job *job;
     struct sv_leaf_seen *seen; /* all zero between trees */
     size_t seen_room;
-    float *sample_depth; /* more than one sample a pixel: the band's; */
+    float *sample_depth;   /* more than one sample a pixel: the band's; */
     uint8_t *sample_color; /* alpha 0: no tree */
     size_t sample_room;
     struct seen_cluster *list, *sorted;
@@ -67,8 +69,8 @@ struct tree_pass {
     const struct sv_canvas *canvas; /* the band */
     const struct sv_tree *tree;
     const struct sv_leaf_splat_trees *trees;
-    /* Samples across and down a pixel; focal length in them; where the axis meets the band, in their coordinates
-     * (leaf_kernel.h: a sample is a pixel there). */
+    /* Samples across and down a pixel; focal length in them; where the axis meets the band, in their
+     * coordinates (leaf_kernel.h: a sample is a pixel there). */
     int across, down;
     double focal, focal_x, focal_y, center[2];
     int tiles_x;
@@ -160,7 +162,8 @@ float sv_leaf_splat_fraction(const struct sv_leaf_splat *splat, int species, dou
     return f >= 1 || !(f == f) ? 1 : (float)fmax(f, FRACTION_MIN);
 }
 
-/* `upto` at which the ranks 0..1 grow to the share f in all: the sum of clamp((upto - rank) / WINDOW, 0, 1). */
+/* `upto` at which the ranks 0..1 grow to the share f in all: the sum of clamp((upto - rank) / WINDOW, 0, 1).
+ */
 static float rank_of_share(float f)
 {
     if (f < 0.5f * WINDOW)
@@ -240,11 +243,13 @@ static void to_float3(struct sv_vec3 v, float out[3])
 }
 
 /* Grid coordinate (axis . (local - foot) / height + axis[3]) as leaf_kernel.h wants it. */
-static void set_grid(const struct tree_pass *pass, const float axis[4], const struct sv_vec3 ray[3], float out[5])
+static void set_grid(const struct tree_pass *pass, const float axis[4], const struct sv_vec3 ray[3],
+                     float out[5])
 {
     const struct sv_camera *camera = &pass->view->camera;
     const struct sv_tree *t = pass->tree;
-    struct sv_vec3 a = sv_scale(sv_vec3((double)axis[0], (double)axis[1], (double)axis[2]), 1 / (double)t->height_m);
+    struct sv_vec3 a =
+        sv_scale(sv_vec3((double)axis[0], (double)axis[1], (double)axis[2]), 1 / (double)t->height_m);
     struct sv_vec3 foot = sv_vec3(t->x - camera->eye.x, t->y - camera->eye.y, t->z - camera->eye.z);
     for (int k = 0; k < 3; k++)
         out[k] = (float)sv_dot(a, ray[k]);
@@ -260,7 +265,8 @@ static void set_light(const struct tree_pass *pass, uint32_t index, struct sv_le
     bool orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
     double c = cos((double)t->rotation_rad), s = sin((double)t->rotation_rad), z = sky->to_sun.z;
     *light = (struct sv_leaf_light){.turn = {(float)c, (float)s}, .air = sky->air};
-    struct sv_vec3 ray[3] = {sv_scale(camera->right, 1 / pass->focal_x), sv_scale(camera->up, -1 / pass->focal_y)};
+    struct sv_vec3 ray[3] = {sv_scale(camera->right, 1 / pass->focal_x),
+                             sv_scale(camera->up, -1 / pass->focal_y)};
     ray[2] = sv_madd(sv_scale(ray[0], -pass->center[0]), ray[1], -pass->center[1]);
     if (!orthographic)
         ray[2] = sv_add(ray[2], camera->forward);
@@ -309,8 +315,8 @@ static bool clip_range(double lo, double hi, int size, int *first, int *last)
     return true;
 }
 
-/* Extent of a sphere's coordinate x at depth z, radius r, before the eye (z - r > 0): bounds of (x +- r) / z over
- * the sphere's box. */
+/* Extent of a sphere's coordinate x at depth z, radius r, before the eye (z - r > 0): bounds of (x +- r) / z
+ * over the sphere's box. */
 static void spread(double x, double z, double r, double focal, double center, double range[2])
 {
     double lo = x - r, hi = x + r;
@@ -354,7 +360,8 @@ static void begin_tile(struct sv_leaf_splat *splat, const struct tree_pass *pass
     const struct sv_canvas *band = pass->canvas;
     const struct sv_leaf_eye *eye = &splat->job->eye;
     int i0 = tx * TILE, j0 = ty * TILE;
-    int i1 = i0 + TILE < eye->width ? i0 + TILE : eye->width, j1 = j0 + TILE < eye->height ? j0 + TILE : eye->height;
+    int i1 = i0 + TILE < eye->width ? i0 + TILE : eye->width,
+        j1 = j0 + TILE < eye->height ? j0 + TILE : eye->height;
     for (int j = j0; j < j1; j++) {
         const float *from = band->depth + (size_t)(j / pass->down) * (size_t)band->width;
         size_t row = (size_t)j * (size_t)eye->width;
@@ -366,7 +373,8 @@ static void begin_tile(struct sv_leaf_splat *splat, const struct tree_pass *pass
     splat->tile_state[(size_t)ty * (size_t)pass->tiles_x + (size_t)tx] = TILE_OLD;
 }
 
-static void begin_tiles(struct sv_leaf_splat *splat, const struct tree_pass *pass, const struct seen_cluster *seen)
+static void begin_tiles(struct sv_leaf_splat *splat, const struct tree_pass *pass,
+                        const struct seen_cluster *seen)
 {
     for (int ty = seen->j0 / TILE; ty <= seen->j1 / TILE; ty++)
         for (int tx = seen->i0 / TILE; tx <= seen->i1 / TILE; tx++)
@@ -402,7 +410,8 @@ static void mark_tiles(struct sv_leaf_splat *splat, const struct tree_pass *pass
 }
 
 /* Whether all that the cluster could show lies behind what is there. */
-static bool is_hidden(struct sv_leaf_splat *splat, const struct tree_pass *pass, const struct seen_cluster *seen)
+static bool is_hidden(struct sv_leaf_splat *splat, const struct tree_pass *pass,
+                      const struct seen_cluster *seen)
 {
     const struct sv_leaf_eye *eye = &splat->job->eye;
     if (!eye->orthographic && seen->nearest <= eye->near_m)
@@ -559,7 +568,8 @@ static enum sv_status draw_tree(struct sv_leaf_splat *splat, struct tree_pass *p
     pass->i1 = pass->j1 = -1;
     for (uint32_t k = 0, n; k < s->form.cluster_count; k = n) {
         const struct sv_leaf_cluster *c = s->form.clusters;
-        for (n = k; n < s->form.cluster_count && c[n].material == c[k].material && c[n].card == c[k].card; n++)
+        for (n = k; n < s->form.cluster_count && c[n].material == c[k].material && c[n].card == c[k].card;
+             n++)
             ;
         draw_group(splat, pass, k, n);
     }
@@ -571,7 +581,8 @@ static enum sv_status draw_tree(struct sv_leaf_splat *splat, struct tree_pass *p
     return SV_OK;
 }
 
-static enum sv_status make_room(struct sv_leaf_splat *splat, size_t pixels, size_t tiles, struct sv_error *error)
+static enum sv_status make_room(struct sv_leaf_splat *splat, size_t pixels, size_t tiles,
+                                struct sv_error *error)
 {
     if (splat->seen_room < pixels) {
         free(splat->seen);
@@ -621,7 +632,8 @@ static enum sv_status make_samples(struct sv_leaf_splat *splat, size_t n, struct
 }
 
 /* One pixel from its samples, first of which is `at` of the band's. */
-static void end_pixel(const struct sv_leaf_splat *splat, const struct tree_pass *pass, size_t pixel, size_t at)
+static void end_pixel(const struct sv_leaf_splat *splat, const struct tree_pass *pass, size_t pixel,
+                      size_t at)
 {
     size_t columns = (size_t)(pass->canvas->width * pass->across);
     int covered = 0, samples = pass->across * pass->down;

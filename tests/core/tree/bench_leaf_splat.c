@@ -1,8 +1,8 @@
-/* bench_leaf_splat.c - what near trees cost as leaf splats, and how far they are from the truth: a line for each
- * species and size, beside the ray cast of one sample in the same run. Asserts no time.
+/* bench_leaf_splat.c - what near trees cost as leaf splats, and how far they are from the truth: a line for
+ * each species and size, beside the ray cast of one sample in the same run. Asserts no time.
  *
- * bench_leaf_splat [LEAVES [MODEL ...]]; SV_TEST_PICTURES names a folder for sheets: thinned out, whole, one ray a
- * pixel, 64 rays a pixel. */
+ * bench_leaf_splat [LEAVES [MODEL ...]]; SV_TEST_PICTURES names a folder for sheets: thinned out, whole, one
+ * ray a pixel, 64 rays a pixel. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -82,7 +82,8 @@ static void tree_mask(const struct sv_image *with, const struct sv_image *withou
         }
 }
 
-static struct errors errors_of(const uint8_t *color, const struct sv_image *truth, const struct sv_image *mask)
+static struct errors errors_of(const uint8_t *color, const struct sv_image *truth,
+                               const struct sv_image *mask)
 {
     struct sv_error error;
     struct sv_image picture = *truth;
@@ -98,8 +99,9 @@ struct timing {
     struct sv_leaf_splat_stats stats;
 };
 
-static struct timing draw(struct leaf_fixture *f, const struct sv_leaf_view *view, const struct sv_truth_picture *ground,
-                          const float *fraction, int samples, struct sv_canvas *keep)
+static struct timing draw(struct leaf_fixture *f, const struct sv_leaf_view *view,
+                          const struct sv_truth_picture *ground, const float *fraction, int samples,
+                          struct sv_canvas *keep)
 {
     double ms[ROUNDS];
     struct timing t = {0};
@@ -131,7 +133,8 @@ static struct timing draw(struct leaf_fixture *f, const struct sv_leaf_view *vie
     return t;
 }
 
-static void keep_sheet(const char *name, double px, const struct sv_image *model, const uint8_t *const colors[4])
+static void keep_sheet(const char *name, double px, const struct sv_image *model,
+                       const uint8_t *const colors[4])
 {
     int w = model->width, h = model->height, side = (int)fmin(w, px * 1.3);
     struct sv_error error;
@@ -201,12 +204,13 @@ static void measure(struct leaf_fixture *f, const char *name, double px)
     struct errors e0 = errors_of(one.color.data, &truth.color, &mask);
     double gl_ms = polygons_ms(f, 1, &view);
     printf("%-10s %5.0f px  polygons        %8.2f ms\n", name, px, gl_ms);
-    printf("%-10s %5.0f px  rays 1 x        +%7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px, ray_ms, e0.mae,
-           e0.ssim, e0.gradient);
+    printf("%-10s %5.0f px  rays 1 x        +%7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px,
+           ray_ms, e0.mae, e0.ssim, e0.gradient);
     static const struct {
         int samples;
         float fraction; /* 0: as it is chosen */
-    } ways[] = {{1, 1}, {2, 1}, {4, 1}, {8, 1}, {1, 0}, {4, 0}, {4, 0.5f}, {4, 0.25f}, {4, 0.12f}, {4, 0.06f}};
+    } ways[] = {{1, 1}, {2, 1},    {4, 1},     {8, 1},     {1, 0},
+                {4, 0}, {4, 0.5f}, {4, 0.25f}, {4, 0.12f}, {4, 0.06f}};
     for (size_t k = 0; k < sizeof ways / sizeof *ways; k++) {
         if (ways[k].fraction > 0 && ways[k].fraction < 1 && px > 120)
             continue;
@@ -214,12 +218,13 @@ static void measure(struct leaf_fixture *f, const char *name, double px)
         float chosen = sv_leaf_splat_fraction(f->splat, 0, px), wish = ways[k].fraction;
         struct timing t = draw(f, &view, &ground, wish > 0 ? &wish : NULL, ways[k].samples, &canvas);
         struct errors e = errors_of(canvas.color, &truth.color, &mask);
-        printf("%-10s %5.0f px  leaves %d x %4.2f%s %7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name, px,
-               ways[k].samples, (double)(wish > 0 ? wish : chosen), wish > 0 ? " " : "*", t.ms, e.mae, e.ssim,
-               e.gradient);
+        printf("%-10s %5.0f px  leaves %d x %4.2f%s %7.2f ms  MAE %5.2f  SSIM %.3f  gradient %.2f\n", name,
+               px, ways[k].samples, (double)(wish > 0 ? wish : chosen), wish > 0 ? " " : "*", t.ms, e.mae,
+               e.ssim, e.gradient);
         if (k == 5)
-            keep_sheet(name, px, &truth.color,
-                       (const uint8_t *const[4]){canvas.color, one.color.data, one.color.data, truth.color.data});
+            keep_sheet(
+                name, px, &truth.color,
+                (const uint8_t *const[4]){canvas.color, one.color.data, one.color.data, truth.color.data});
         leaf_canvas_finish(&canvas);
     }
     sv_image_free(&mask);
