@@ -127,6 +127,7 @@ struct sv_leaf_kernel {
 };
 
 extern const struct sv_leaf_kernel sv_leaf_scalar, sv_leaf_avx2;
+void sv_leaf_project_avx2(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster);
 
 static inline const struct sv_leaf_kernel *sv_leaf_kernel_at(enum sv_simd level)
 {

@@ -1,33 +1,11 @@
 /* leaf_shade_avx2.c - leaf_shade.c, eight pixels at a time; operation for operation the scalar one. */
-#include <immintrin.h>
 #include <math.h>
 
 #include "core/base/color.h"
+#include "core/tree/leaf_avx2.h"
 #include "core/tree/leaf_shade.h"
 
-enum { LANES = 8 };
-
 _Static_assert(sizeof(struct sv_leaf_record) == 64, "a record is two vectors of eight words");
-
-static inline __m256 splat(float v)
-{
-    return _mm256_set1_ps(v);
-}
-
-static inline __m256 mul(__m256 a, __m256 b)
-{
-    return _mm256_mul_ps(a, b);
-}
-
-static inline __m256 add(__m256 a, __m256 b)
-{
-    return _mm256_add_ps(a, b);
-}
-
-static inline __m256 sub(__m256 a, __m256 b)
-{
-    return _mm256_sub_ps(a, b);
-}
 
 static inline __m256 dot(const __m256 a[3], const __m256 b[3])
 {
