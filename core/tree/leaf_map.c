@@ -1,9 +1,10 @@
 /* leaf_map.c - textures of leaf forms: where the mask is whole, and smaller levels of colour. */
+#include "core/tree/leaf_form.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/base/color.h"
-#include "core/tree/leaf_form.h"
 
 static int wrapped(int i, int n)
 {

@@ -1,7 +1,8 @@
 /* leaf_raster.c - the plain-loop kernels of leaf_kernel.h: project, raster, settle. */
+#include "core/tree/leaf_kernel.h"
+
 #include <math.h>
 
-#include "core/tree/leaf_kernel.h"
 #include "core/tree/leaf_shade.h"
 
 static const struct sv_leaf_kernel *const self = &sv_leaf_scalar;

@@ -5,11 +5,11 @@
  * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls; foliage has
  * gaps and hides next to nothing so); tiles are looked at again when asked for after a tree was drawn there.
  * Depths only come nearer: an old answer hides too little, never too much. */
+#include "core/tree/leaf_pass.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "core/tree/leaf_pass.h"
 
 enum { TILE = SV_LEAF_TILE, SLICES = 64 };
 
