@@ -1,9 +1,11 @@
-# sv_tree_draw: what draws trees by OSMesa, and far ones on the CPU (sprite.h).
+# sv_tree_upload: meshes as GL has them; sv_tree_draw: what draws trees by OSMesa, and far ones on the CPU (sprite.h).
+add_library(sv_tree_upload STATIC draw_mesh_upload.c)
+target_link_libraries(sv_tree_upload PUBLIC sv_gl sv_tree sv_base)
 add_library(sv_tree_draw STATIC draw.c draw_cull.c draw_mesh.c draw_impostor.c impostor.c impostor_bake.c impostor_frame.c
             impostor_guess.c impostor_raster.c shade.c shade_outline.c shade_stand.c shade_cast.c
             sprite.c sprite_atlas.c sprite_bake.c sprite_setup.c sprite_kernel.c sprite_kernel_avx2.c sprite_resolve.c)
 set_source_files_properties(sprite_kernel_avx2.c PROPERTIES COMPILE_OPTIONS "${SV_AVX2_OPTIONS}")
-target_link_libraries(sv_tree_draw PUBLIC sv_gl sv_tree sv_base m)
+target_link_libraries(sv_tree_draw PUBLIC sv_tree_upload sv_gl sv_tree sv_base m)
 # Windows of sunlight on the ground, which trees are cast into.
 if(TARGET sv_terrain_shadow)
   target_link_libraries(sv_tree_draw PUBLIC sv_terrain_shadow)
