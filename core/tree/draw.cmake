@@ -18,6 +18,7 @@ if(TARGET sv_terrain_shadow)
   target_link_libraries(sv_tree_draw PUBLIC sv_terrain_shadow)
 endif()
 # sv_leaf_splat: near trees on the CPU.
-set_source_files_properties(leaf_raster_avx2.c leaf_shade_avx2.c PROPERTIES COMPILE_OPTIONS "${SV_AVX2_OPTIONS}")
-add_library(sv_leaf_splat STATIC leaf_form.c leaf_map.c leaf_splat.c leaf_raster.c leaf_raster_avx2.c leaf_shade.c leaf_shade_avx2.c)
+set_source_files_properties(leaf_project_avx2.c leaf_raster_avx2.c leaf_shade_avx2.c PROPERTIES COMPILE_OPTIONS "${SV_AVX2_OPTIONS}")
+add_library(sv_leaf_splat STATIC leaf_form.c leaf_map.c leaf_splat.c leaf_tree.c leaf_raster.c
+            leaf_project_avx2.c leaf_raster_avx2.c leaf_shade.c leaf_shade_avx2.c)
 target_link_libraries(sv_leaf_splat PUBLIC sv_tree sv_base sv_camera m)

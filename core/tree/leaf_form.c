@@ -33,7 +33,7 @@ struct builder {
     const struct sv_tree_mesh *mesh;
     struct piece *pieces;
     uint32_t piece_count;
-    uint32_t *root; /* by vertex: union-find of what hangs together */
+    uint32_t *root;      /* by vertex: union-find of what hangs together */
     struct leaf *leaves; /* by root vertex */
 };
 
@@ -147,7 +147,8 @@ struct order {
 static int by_key(const void *a, const void *b)
 {
     const struct order *x = a, *y = b;
-    return x->key != y->key ? (x->key > y->key) - (x->key < y->key) : (x->item > y->item) - (x->item < y->item);
+    return x->key != y->key ? (x->key > y->key) - (x->key < y->key)
+                            : (x->item > y->item) - (x->item < y->item);
 }
 
 /* Gathers leaves from what hangs together; pieces of too large sheets lose theirs. */
@@ -392,8 +393,7 @@ static enum sv_status make_room(const uint8_t *first, uint32_t pieces, struct sv
     form->records = aligned((lanes + 1) * sizeof *form->records);
     form->material = calloc(lanes + 1, 1);
     form->bytes = blocks * (sizeof *form->blocks + sizeof *form->fades) +
-                  form->cluster_count * sizeof *form->clusters +
-                  lanes * (sizeof *form->records + 1);
+                  form->cluster_count * sizeof *form->clusters + lanes * (sizeof *form->records + 1);
     if (!form->blocks || !form->fades || !form->clusters || !form->records || !form->material)
         return sv_fail(error, SV_ENOMEM, "species", "no memory for %zu bytes of leaves", form->bytes);
     return SV_OK;

@@ -5,8 +5,8 @@
  * triangle (s + r <= 1). A leaf is what hangs together of a leafy material, up to LEAF_TRIANGLES triangles;
  * larger leafy sheets, and wood, are not thinned out. Pieces are sorted by material and kind, then along a
  * Morton curve of their leaves' middles, cut into clusters, and inside a cluster by rank: the order in which
- * leaves come and go as a tree is thinned out (the first ones stay longest). Ranks are a golden-ratio sequence
- * along the curve, so that every part of the crown thins out evenly. */
+ * leaves come and go as a tree is thinned out (the first ones stay longest). Ranks are a golden-ratio
+ * sequence along the curve, so that every part of the crown thins out evenly. */
 #ifndef SV_TREE_LEAF_FORM_H
 #define SV_TREE_LEAF_FORM_H
 
@@ -35,8 +35,8 @@ struct sv_leaf_cluster {
     bool masked; /* alpha decides */
 };
 
-/* What light and mask need of a piece: one cache line. Corners in the order P0, P0 + E1, P0 + E1 + E2, P0 + E2; of a
- * triangle P0, P0 + E1, P0 + E2 and nothing. */
+/* What light and mask need of a piece: one cache line. Corners in the order P0, P0 + E1, P0 + E1 + E2, P0 +
+ * E2; of a triangle P0, P0 + E1, P0 + E2 and nothing. */
 struct sv_leaf_record {
     float uv[6];           /* at P0, and what it grows by along s and r */
     uint16_t occlusion[4]; /* as in the mesh */
@@ -45,14 +45,14 @@ struct sv_leaf_record {
 };
 #define SV_LEAF_CARD (UINT32_C(1) << 30)
 
-/* A material's texture. Alpha is asked at level 0 by the rule of mesh.h: whether all four texels about a place are
- * over the cutoff, or none, is noted; only between is it interpolated. Colour of pixels that hold many texels comes
- * from smaller levels (box filter in linear light, weighted by alpha), which is nearer to the mean that it
- * stands for than one texel would be, and does not miss the cache. */
+/* A material's texture. Alpha is asked at level 0 by the rule of mesh.h: whether all four texels about a
+ * place are over the cutoff, or none, is noted; only between is it interpolated. Colour of pixels that hold
+ * many texels comes from smaller levels (box filter in linear light, weighted by alpha), which is nearer to
+ * the mean that it stands for than one texel would be, and does not miss the cache. */
 struct sv_leaf_map {
     const uint8_t (*rgba)[4]; /* level 0: the mesh's; NULL: no texture */
     int width, height;
-    uint32_t *classes; /* NULL: no mask; 2 bits a place of level 0: SV_LEAF_OUT, _IN, _MIXED */
+    uint32_t *classes;    /* NULL: no mask; 2 bits a place of level 0: SV_LEAF_OUT, _IN, _MIXED */
     uint8_t (*levels)[4]; /* levels 1 .. level_count - 1, one after the other */
     int level_count;
     uint32_t offset[SV_LEAF_LEVELS]; /* in `levels`; of level 0 unused */

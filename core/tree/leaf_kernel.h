@@ -2,16 +2,16 @@
  *
  * One tree is drawn at a time. Pass 1 (project) takes a cluster's blocks, moves pieces into the picture and
  * keeps those whose boxes hold a pixel centre, in queues by the boxes' size. Pass 2 (raster) finds the pixel
- * centres inside, eight pieces at a time, or eight pixels of a large piece. Pass 3 (settle) asks the alpha mask
- * and writes depth, piece and place in it. Pass 4 (shade) lights the pixels that the tree has won.
+ * centres inside, eight pieces at a time, or eight pixels of a large piece. Pass 3 (settle) asks the alpha
+ * mask and writes depth, piece and place in it. Pass 4 (shade) lights the pixels that the tree has won.
  *
  * Pixels are counted so that pixel (i, j) of the band has its centre at (i, j): with A, B, C the projected
  * coordinates (C = depth Z in metres), perspective: i = A / C, j = B / C; orthographic: i = A, j = B. A piece
- * hits the ray of pixel offset d = (x, y, 1) from the box's first pixel where P0 + s E1 + r E2 = t d, P0, E1 and
- * E2 sheared so that this pixel is the axis:
- *   s = d.(E2 x P0) / d.N, r = d.(P0 x E1) / d.N, N = E1 x E2, 1 / t = d.N / P0.N           (own derivation)
- * which holds wherever the corners lie, behind the eye too: nothing is clipped. Window depth is near / t.
- * Orthographic: the same with third coordinates 1 for P0 and 0 for E1, E2, and depth linear in s and r.
+ * hits the ray of pixel offset d = (x, y, 1) from the box's first pixel where P0 + s E1 + r E2 = t d, P0, E1
+ * and E2 sheared so that this pixel is the axis: s = d.(E2 x P0) / d.N, r = d.(P0 x E1) / d.N, N = E1 x E2, 1
+ * / t = d.N / P0.N           (own derivation) which holds wherever the corners lie, behind the eye too:
+ * nothing is clipped. Window depth is near / t. Orthographic: the same with third coordinates 1 for P0 and 0
+ * for E1, E2, and depth linear in s and r.
  *
  * The same arithmetic in the same order at every level, no fused multiply-add: pictures of all levels are
  * equal bit for bit. */
@@ -59,9 +59,9 @@ struct sv_leaf_seen {
 struct sv_leaf_eye {
     float m[3][4];
     bool orthographic;
-    float height_px; /* of the tree at depth 1 m; orthographic: at any */
-    float near_m; /* perspective */
-    float far_m;  /* orthographic */
+    float height_px;   /* of the tree at depth 1 m; orthographic: at any */
+    float near_m;      /* perspective */
+    float far_m;       /* orthographic */
     int width, height; /* of the band, px */
 };
 
@@ -77,8 +77,8 @@ struct sv_leaf_job {
     struct sv_leaf_thin thin;
     const struct sv_leaf_map *mask; /* of the material that is being drawn; NULL: all is there */
     float alpha_factor, alpha_cutoff;
-    bool card;                /* what is queued: parallelograms; else triangles */
-    float *depth;             /* the band's */
+    bool card;    /* what is queued: parallelograms; else triangles */
+    float *depth; /* the band's */
     struct sv_leaf_seen *seen;
     struct sv_leaf_queue queue[SV_LEAF_QUEUES];
     struct sv_leaf_hits hits;
@@ -86,15 +86,15 @@ struct sv_leaf_job {
 
 /* Light on one tree. Functionals of a pixel: f[0] i + f[1] j + f[2]. */
 struct sv_leaf_light {
-    float turn[2];       /* cos, sin of the tree's rotation */
-    float ray[3][3];     /* perspective: direction through pixel (i, j), world axes, . forward = 1 */
-    float to_viewer[3];  /* orthographic */
+    float turn[2];      /* cos, sin of the tree's rotation */
+    float ray[3][3];    /* perspective: direction through pixel (i, j), world axes, . forward = 1 */
+    float to_viewer[3]; /* orthographic */
     float to_sun[3], model_sun[3];
-    float sun[3], sky[3], ground[3]; /* times SV_LIGHT_EXPOSURE */
-    bool shadows;        /* what follows holds */
+    float sun[3], sky[3], ground[3];              /* times SV_LIGHT_EXPOSURE */
+    bool shadows;                                 /* what follows holds */
     float share[SV_SHADE_COLUMNS][SV_SHADE_ROWS]; /* 0..1 */
-    float column[5], row[5]; /* grid coordinates: (f . pixel) * (Z, or 1 when orthographic) + [3] Z' + [4], Z' = Z
-                                when orthographic, else 0 */
+    float column[5], row[5]; /* grid coordinates: (f . pixel) * (Z, or 1 when orthographic) + [3] Z' + [4], Z'
+                                = Z when orthographic, else 0 */
     float crown;             /* sv_tree_crown_light without the hot spot */
     bool air;
     float air_rgb[3], air_scale; /* exponent base 2 a metre, below 0 */
@@ -108,13 +108,13 @@ struct sv_leaf_paint {
     const struct sv_leaf_job *job;
     const struct sv_leaf_light *light;
     uint8_t (*color)[4];
-    uint32_t *id;        /* NULL: not wanted */
-    float (*normal)[3];  /* NULL: not wanted */
+    uint32_t *id;       /* NULL: not wanted */
+    float (*normal)[3]; /* NULL: not wanted */
 };
 
 struct sv_leaf_kernel {
-    /* Queues the pieces of a cluster's blocks whose boxes hold pixel centres; raster is called when a queue is
-     * full. */
+    /* Queues the pieces of a cluster's blocks whose boxes hold pixel centres; raster is called when a queue
+     * is full. */
     void (*project)(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster);
     /* Empties queue q into the hits; settle is called when those are many. */
     void (*raster)(struct sv_leaf_job *job, int q);
@@ -127,6 +127,7 @@ struct sv_leaf_kernel {
 };
 
 extern const struct sv_leaf_kernel sv_leaf_scalar, sv_leaf_avx2;
+void sv_leaf_project_avx2(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster);
 
 static inline const struct sv_leaf_kernel *sv_leaf_kernel_at(enum sv_simd level)
 {
@@ -138,7 +139,8 @@ void sv_leaf_splat_set_level(struct sv_leaf_splat *splat, enum sv_simd level);
 
 /* Room that rounding of a box needs, px: an inside test may hold there. */
 #define SV_LEAF_MARGIN (1.0f / 512)
-/* What rounding may do to a place in a piece of wood or a sheet: pixels on a shared edge are drawn by both. */
+/* What rounding may do to a place in a piece of wood or a sheet: pixels on a shared edge are drawn by both.
+ */
 #define SV_LEAF_EDGE (1.0f / 4096)
 
 static inline float sv_leaf_min(float a, float b) /* as minps: b when either is NaN */
@@ -170,17 +172,18 @@ static inline void sv_leaf_wrap(int i, int size, int out[2])
     out[1] = i + 1 >= size ? i + 1 - size : i + 1;
 }
 
-/* Queues one projected piece v (P0, E1, E2 as A, B, C) that crosses the near plane, scalar: its box is that of
- * the part in front. */
-void sv_leaf_queue_crossing(struct sv_leaf_job *job, const struct sv_leaf_kernel *kernel, const float v[9], bool card,
-                            uint32_t piece);
+/* Queues one projected piece v (P0, E1, E2 as A, B, C) that crosses the near plane, scalar: its box is that
+ * of the part in front. */
+void sv_leaf_queue_crossing(struct sv_leaf_job *job, const struct sv_leaf_kernel *kernel, const float v[9],
+                            bool card, uint32_t piece);
 
 /* Part of the kernels' contract, scalar, for ends. */
 void sv_leaf_settle_run(struct sv_leaf_job *job, int from, int to);
 
-/* Larger depth wins; of one tree's pieces at the same depth the first: no order of drawing changes the picture. Depths
- * are 0 or positive, so that their bits are in the order of their values. */
-static inline void sv_leaf_put(struct sv_leaf_job *job, uint32_t pixel, float d, uint32_t piece, uint32_t place)
+/* Larger depth wins; of one tree's pieces at the same depth the first: no order of drawing changes the
+ * picture. Depths are 0 or positive, so that their bits are in the order of their values. */
+static inline void sv_leaf_put(struct sv_leaf_job *job, uint32_t pixel, float d, uint32_t piece,
+                               uint32_t place)
 {
     int32_t before, now;
     memcpy(&before, &job->depth[pixel], sizeof before);

@@ -1,16 +1,18 @@
 /* leaf_map.c - textures of leaf forms: where the mask is whole, and smaller levels of colour. */
+#include "core/tree/leaf_form.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/base/color.h"
-#include "core/tree/leaf_form.h"
 
 static int wrapped(int i, int n)
 {
     return i < n ? i : i - n;
 }
 
-/* Alphas over (under) this much more (less) than the cutoff are in (out) whatever rounding does to their mean. */
+/* Alphas over (under) this much more (less) than the cutoff are in (out) whatever rounding does to their
+ * mean. */
 static const float SURE = 1e-4f;
 
 static enum sv_status make_classes(const struct sv_tree_material *material, struct sv_leaf_map *map,
@@ -37,7 +39,8 @@ static enum sv_status make_classes(const struct sv_tree_material *material, stru
     return SV_OK;
 }
 
-/* Means of 2 x 2 texels (2 x 1, 1 x 2 where a side is 1; an odd last row or column is left out), weighted by alpha. */
+/* Means of 2 x 2 texels (2 x 1, 1 x 2 where a side is 1; an odd last row or column is left out), weighted by
+ * alpha. */
 static void halve(const uint8_t (*from)[4], int w, int h, uint8_t (*to)[4])
 {
     int tw = w > 1 ? w / 2 : 1, th = h > 1 ? h / 2 : 1;

@@ -1,7 +1,8 @@
 /* leaf_raster.c - the plain-loop kernels of leaf_kernel.h: project, raster, settle. */
+#include "core/tree/leaf_kernel.h"
+
 #include <math.h>
 
-#include "core/tree/leaf_kernel.h"
 #include "core/tree/leaf_shade.h"
 
 static const struct sv_leaf_kernel *const self = &sv_leaf_scalar;
@@ -172,8 +173,8 @@ struct planes {
 
 static struct plane cross(const float a[3], const float b[3], float g)
 {
-    return (struct plane){{(a[1] * b[2] - a[2] * b[1]) * g, (a[2] * b[0] - a[0] * b[2]) * g,
-                           (a[0] * b[1] - a[1] * b[0]) * g}};
+    return (struct plane){
+        {(a[1] * b[2] - a[2] * b[1]) * g, (a[2] * b[0] - a[0] * b[2]) * g, (a[0] * b[1] - a[1] * b[0]) * g}};
 }
 
 static void set_perspective(const struct sv_leaf_eye *eye, const float v[9], float i0, float j0,
@@ -298,8 +299,5 @@ static float least(const float *depth, int stride, int w, int h)
     return v;
 }
 
-const struct sv_leaf_kernel sv_leaf_scalar = {.project = project,
-                                              .raster = raster,
-                                              .settle = settle,
-                                              .shade = sv_leaf_shade_scalar,
-                                              .least = least};
+const struct sv_leaf_kernel sv_leaf_scalar = {
+    .project = project, .raster = raster, .settle = settle, .shade = sv_leaf_shade_scalar, .least = least};

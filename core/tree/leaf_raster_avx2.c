@@ -1,241 +1,10 @@
-/* leaf_raster_avx2.c - the kernels of leaf_raster.c, eight pieces, hits or pixels at a time; operation for
- * operation the scalar ones, so that the pictures are equal. */
-#include <immintrin.h>
+/* leaf_raster_avx2.c - raster and settle of leaf_raster.c, eight pieces, hits or pixels at a time; operation
+ * for operation the scalar ones, so that the pictures are equal. */
 #include <math.h>
 
+#include "core/tree/leaf_avx2.h"
 #include "core/tree/leaf_kernel.h"
 #include "core/tree/leaf_shade.h"
-
-#define LANES 8
-
-/* For each mask of eight lanes the chosen ones, packed to the front, a byte each. */
-#define BELOW(m, i) ((m) & ((1 << (i)) - 1))
-#define BITS2(m) (((m)&1) + ((m) >> 1 & 1))
-#define BITS(m) (BITS2(m) + BITS2((m) >> 2) + BITS2((m) >> 4) + BITS2((m) >> 6))
-#define LANE(m, i) (((m) >> (i)&1) ? (uint64_t)(i) << 8 * BITS(BELOW(m, i)) : 0)
-#define PACK(m) \
-    (LANE(m, 0) | LANE(m, 1) | LANE(m, 2) | LANE(m, 3) | LANE(m, 4) | LANE(m, 5) | LANE(m, 6) | LANE(m, 7))
-#define PACK4(m) PACK(m), PACK((m) + 1), PACK((m) + 2), PACK((m) + 3)
-#define PACK16(m) PACK4(m), PACK4((m) + 4), PACK4((m) + 8), PACK4((m) + 12)
-#define PACK64(m) PACK16(m), PACK16((m) + 16), PACK16((m) + 32), PACK16((m) + 48)
-static const uint64_t pack[256] = {PACK64(0), PACK64(64), PACK64(128), PACK64(192)};
-
-static inline __m256i order_of(unsigned mask)
-{
-    return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&pack[mask]));
-}
-
-static inline void store_packed(float *to, __m256 v, __m256i order)
-{
-    _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(v, order));
-}
-
-static inline void store_packed_i(void *to, __m256i v, __m256i order)
-{
-    _mm256_storeu_si256(to, _mm256_permutevar8x32_epi32(v, order));
-}
-
-static inline __m256 splat(float v)
-{
-    return _mm256_set1_ps(v);
-}
-
-static inline __m256 mul(__m256 a, __m256 b)
-{
-    return _mm256_mul_ps(a, b);
-}
-
-static inline __m256 add(__m256 a, __m256 b)
-{
-    return _mm256_add_ps(a, b);
-}
-
-static inline __m256 sub(__m256 a, __m256 b)
-{
-    return _mm256_sub_ps(a, b);
-}
-
-static inline __m256 in_order(__m256 a, __m256 b) /* a <= b, false for NaN */
-{
-    return _mm256_cmp_ps(a, b, _CMP_LE_OQ);
-}
-
-static inline unsigned bits_of(__m256 mask)
-{
-    return (unsigned)_mm256_movemask_ps(mask);
-}
-
-/* ---- project ---- */
-
-/* Eight pieces in the picture: P0, E1, E2 as A, B, C. */
-struct moved {
-    __m256 v[9];
-};
-
-static inline __m256 row_of(const float m[4], const __m256 p[3])
-{
-    return add(add(mul(splat(m[0]), p[0]), mul(splat(m[1]), p[1])), mul(splat(m[2]), p[2]));
-}
-
-/* Returns the lanes that are not thinned out. */
-static inline __m256 move_block(const struct sv_leaf_job *job, uint32_t at, bool thins, struct moved *out)
-{
-    const struct sv_leaf_block *b = &job->form->blocks[at];
-    __m256 p[3][3], there = _mm256_castsi256_ps(_mm256_set1_epi32(-1));
-    for (int c = 0; c < 3; c++) {
-        p[0][c] = _mm256_load_ps(b->p0[c]);
-        p[1][c] = _mm256_load_ps(b->e1[c]);
-        p[2][c] = _mm256_load_ps(b->e2[c]);
-    }
-    if (thins) {
-        const struct sv_leaf_fade *fade = &job->form->fades[at];
-        __m256 growth = _mm256_div_ps(sub(splat(job->thin.upto), _mm256_load_ps(fade->rank)),
-                                      splat(job->thin.window));
-        there = _mm256_cmp_ps(growth, _mm256_setzero_ps(), _CMP_GT_OQ);
-        __m256 k = mul(splat(job->thin.scale), _mm256_sqrt_ps(_mm256_min_ps(growth, splat(1))));
-        for (int c = 0; c < 3; c++) {
-            __m256 middle = _mm256_load_ps(fade->middle[c]);
-            p[0][c] = add(middle, mul(k, sub(p[0][c], middle)));
-            p[1][c] = mul(k, p[1][c]);
-            p[2][c] = mul(k, p[2][c]);
-        }
-    }
-    for (int c = 0; c < 3; c++) {
-        const float *m = job->eye.m[c];
-        out->v[c] = add(row_of(m, p[0]), splat(m[3]));
-        out->v[3 + c] = row_of(m, p[1]);
-        out->v[6 + c] = row_of(m, p[2]);
-    }
-    return there;
-}
-
-struct boxes {
-    __m256 x0, x1, y0, y1;
-    __m256i i0, j0, nx, ny;
-};
-
-/* sv_leaf_queue_crossing for the chosen lanes. */
-static void cross_lanes(struct sv_leaf_job *job, const struct moved *moved, unsigned chosen, bool card,
-                        uint32_t piece0)
-{
-    float lane[9][LANES];
-    for (int k = 0; k < 9; k++)
-        _mm256_storeu_ps(lane[k], moved->v[k]);
-    for (; chosen; chosen &= chosen - 1) {
-        int i = __builtin_ctz(chosen);
-        float v[9];
-        for (int k = 0; k < 9; k++)
-            v[k] = lane[k][i];
-        sv_leaf_queue_crossing(job, &sv_leaf_avx2, v, card, piece0 + (uint32_t)i);
-    }
-}
-
-/* Ranges of pixels; the mask of those that hold one. */
-static inline __m256 range(__m256 lo, __m256 hi, int size, __m256i *first, __m256i *count)
-{
-    __m256 margin = splat(SV_LEAF_MARGIN);
-    __m256 a = _mm256_ceil_ps(_mm256_max_ps(sub(lo, margin), _mm256_setzero_ps()));
-    __m256 b = _mm256_floor_ps(_mm256_min_ps(add(hi, margin), splat((float)(size - 1))));
-    *first = _mm256_cvttps_epi32(a);
-    *count = _mm256_cvttps_epi32(add(sub(b, a), splat(1)));
-    return _mm256_and_ps(in_order(lo, hi), in_order(a, b));
-}
-
-/* Corners' extent in the picture, in any order of corners; least and most depth. */
-static inline void extent(const struct moved *m, bool card, bool orthographic, struct boxes *box,
-                          __m256 *least, __m256 *most)
-{
-    for (int k = 0; k < (card ? 4 : 3); k++) {
-        __m256 p[3];
-        for (int c = 0; c < 3; c++) {
-            p[c] = k == 0 ? m->v[c] : k == 2 && !card ? add(m->v[c], m->v[6 + c]) : k == 3 ? add(m->v[c], m->v[6 + c]) : add(m->v[c], m->v[3 + c]);
-            if (k == 2 && card)
-                p[c] = add(p[c], m->v[6 + c]);
-        }
-        __m256 inverse = orthographic ? splat(1) : _mm256_div_ps(splat(1), p[2]);
-        __m256 x = mul(p[0], inverse), y = mul(p[1], inverse);
-        box->x0 = k ? _mm256_min_ps(box->x0, x) : x;
-        box->x1 = k ? _mm256_max_ps(box->x1, x) : x;
-        box->y0 = k ? _mm256_min_ps(box->y0, y) : y;
-        box->y1 = k ? _mm256_max_ps(box->y1, y) : y;
-        *least = k ? _mm256_min_ps(p[2], *least) : p[2];
-        *most = k ? _mm256_max_ps(p[2], *most) : p[2];
-    }
-}
-
-static inline void enqueue(struct sv_leaf_job *job, int q, unsigned bits, const struct moved *moved,
-                           const struct boxes *box, __m256i piece)
-{
-    struct sv_leaf_queue *queue = &job->queue[q];
-    __m256i order = order_of(bits);
-    int n = queue->count;
-    for (int k = 0; k < 9; k++)
-        store_packed(queue->v[k] + n, moved->v[k], order);
-    store_packed_i(queue->i0 + n, box->i0, order);
-    store_packed_i(queue->j0 + n, box->j0, order);
-    store_packed_i(queue->nx + n, box->nx, order);
-    store_packed_i(queue->ny + n, box->ny, order);
-    store_packed_i(queue->piece + n, piece, order);
-    queue->count = n + __builtin_popcount(bits);
-    if (queue->count >= SV_LEAF_QUEUE)
-        sv_leaf_avx2.raster(job, q);
-}
-
-static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card, bool thins,
-                                 bool orthographic)
-{
-    struct moved moved;
-    struct boxes box;
-    __m256 there = move_block(job, at, thins, &moved), least, most;
-    extent(&moved, card, orthographic, &box, &least, &most);
-    if (!orthographic) {
-        __m256 near_m = splat(job->eye.near_m), behind = _mm256_cmp_ps(least, near_m, _CMP_LT_OQ);
-        __m256 cross = _mm256_and_ps(_mm256_and_ps(there, behind), in_order(near_m, most));
-        if (bits_of(cross))
-            cross_lanes(job, &moved, bits_of(cross), card, at * LANES);
-        there = _mm256_andnot_ps(behind, there);
-    }
-    there = _mm256_and_ps(there, range(box.x0, box.x1, job->eye.width, &box.i0, &box.nx));
-    there = _mm256_and_ps(there, range(box.y0, box.y1, job->eye.height, &box.j0, &box.ny));
-    unsigned left = bits_of(there);
-    if (!left)
-        return;
-    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-    __m256i piece = _mm256_add_epi32(_mm256_set1_epi32((int)(at * LANES)), lane);
-    __m256i side = _mm256_max_epi32(box.nx, box.ny);
-    for (int q = 0; left; q++) {
-        __m256i larger = _mm256_cmpgt_epi32(side, _mm256_set1_epi32(sv_leaf_side[q]));
-        unsigned bits = left & ~bits_of(_mm256_castsi256_ps(larger));
-        if (bits)
-            enqueue(job, q, bits, &moved, &box, piece);
-        left &= ~bits;
-    }
-}
-
-static inline void project_blocks(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster, bool card,
-                                  bool thins, bool orthographic)
-{
-    for (uint32_t b = cluster->block; b < cluster->block + cluster->block_count; b++) {
-        if (thins && job->form->fades[b].rank[0] >= job->thin.upto)
-            return;
-        project_block(job, b, card, thins, orthographic);
-    }
-}
-
-static void project(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster)
-{
-    bool thins = sv_leaf_thins(job, cluster), card = cluster->card;
-    if (job->eye.orthographic)
-        project_blocks(job, cluster, card, thins, true);
-    else if (card && thins)
-        project_blocks(job, cluster, true, true, false);
-    else if (card)
-        project_blocks(job, cluster, true, false, false);
-    else
-        project_blocks(job, cluster, false, thins, false);
-}
-
-/* ---- raster ---- */
 
 struct plane {
     __m256 f[3];
@@ -293,8 +62,7 @@ static inline void set_orthographic(const struct sv_leaf_eye *eye, const __m256 
     scale(&p->r, g);
     p->q = (struct plane){{_mm256_setzero_ps(), _mm256_setzero_ps(), splat(1)}};
     for (int k = 0; k < 3; k++)
-        p->d.f[k] =
-            mul(add(mul(p->s.f[k], v[5]), mul(p->r.f[k], v[8])), _mm256_xor_ps(f, minus));
+        p->d.f[k] = mul(add(mul(p->s.f[k], v[5]), mul(p->r.f[k], v[8])), _mm256_xor_ps(f, minus));
     p->d.f[2] = add(sub(splat(1), mul(v[2], f)), p->d.f[2]);
 }
 
@@ -375,7 +143,8 @@ static inline void raster_eight(struct sv_leaf_job *job, const struct sv_leaf_qu
     int lanes = queue->count - n;
     nx = _mm256_and_si256(nx, _mm256_cmpgt_epi32(_mm256_set1_epi32(lanes), lane)); /* the queue's end */
     __m256i pixel = _mm256_add_epi32(_mm256_mullo_epi32(j0, width), i0);
-    int columns = most_of(nx), rows = most_of(_mm256_and_si256(ny, _mm256_cmpgt_epi32(nx, _mm256_setzero_si256())));
+    int columns = most_of(nx),
+        rows = most_of(_mm256_and_si256(ny, _mm256_cmpgt_epi32(nx, _mm256_setzero_si256())));
     for (int ky = 0; ky < rows; ky++) {
         __m256 row = more_than(ny, ky);
         for (int kx = 0; kx < columns; kx++)
@@ -602,7 +371,7 @@ static float least(const float *depth, int stride, int w, int h)
     return best;
 }
 
-const struct sv_leaf_kernel sv_leaf_avx2 = {.project = project,
+const struct sv_leaf_kernel sv_leaf_avx2 = {.project = sv_leaf_project_avx2,
                                             .raster = raster,
                                             .settle = settle,
                                             .shade = sv_leaf_shade_avx2,

@@ -64,7 +64,8 @@ static float open_of(const struct spot *spot, const float d[3])
     float open[4];
     for (int c = 0; c < 4; c++) {
         const int8_t *o = spot->record->open[c];
-        float t = ((((float)o[0] * d[0] + (float)o[1] * d[1]) + (float)o[2] * d[2]) + (float)o[3]) * (1.0f / 127);
+        float t =
+            ((((float)o[0] * d[0] + (float)o[1] * d[1]) + (float)o[2] * d[2]) + (float)o[3]) * (1.0f / 127);
         open[c] = sv_leaf_min(sv_leaf_max(t, 0), 1);
     }
     return mix4(spot->w, open);
@@ -95,7 +96,8 @@ static void normal_of(const struct spot *spot, const float turn[2], float n[3])
         n[k] = n[k] * inverse;
 }
 
-/* Level of the texture whose texels are half a pixel to one pixel large: the exponent of how many there are. */
+/* Level of the texture whose texels are half a pixel to one pixel large: the exponent of how many there are.
+ */
 static int level_of(const struct sv_leaf_paint *paint, float z)
 {
     float texels = paint->texels * (paint->job->eye.orthographic ? 1 : z);
@@ -114,8 +116,7 @@ static void albedo_of(const struct sv_leaf_paint *paint, const struct spot *spot
     if (!map->rgba)
         return;
     int level = level_of(paint, z), w = map->widths[level], h = map->heights[level];
-    const uint8_t(*texel)[4] =
-        level ? (const uint8_t(*)[4])(map->levels + map->offset[level]) : map->rgba;
+    const uint8_t(*texel)[4] = level ? (const uint8_t(*)[4])(map->levels + map->offset[level]) : map->rgba;
     float x = sv_leaf_texel((uv[0] + spot->s * uv[2]) + spot->r * uv[4], w);
     float y = sv_leaf_texel((uv[1] + spot->s * uv[3]) + spot->r * uv[5], h);
     float bx = floorf(x), by = floorf(y), fu = x - bx, fv = y - by;

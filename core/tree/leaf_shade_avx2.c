@@ -1,33 +1,11 @@
 /* leaf_shade_avx2.c - leaf_shade.c, eight pixels at a time; operation for operation the scalar one. */
-#include <immintrin.h>
 #include <math.h>
 
 #include "core/base/color.h"
+#include "core/tree/leaf_avx2.h"
 #include "core/tree/leaf_shade.h"
 
-enum { LANES = 8 };
-
 _Static_assert(sizeof(struct sv_leaf_record) == 64, "a record is two vectors of eight words");
-
-static inline __m256 splat(float v)
-{
-    return _mm256_set1_ps(v);
-}
-
-static inline __m256 mul(__m256 a, __m256 b)
-{
-    return _mm256_mul_ps(a, b);
-}
-
-static inline __m256 add(__m256 a, __m256 b)
-{
-    return _mm256_add_ps(a, b);
-}
-
-static inline __m256 sub(__m256 a, __m256 b)
-{
-    return _mm256_sub_ps(a, b);
-}
 
 static inline __m256 dot(const __m256 a[3], const __m256 b[3])
 {
@@ -190,7 +168,8 @@ static inline __m256 mix(__m256 a, __m256 b, __m256 t)
 static inline __m256i levels_of(const struct sv_leaf_paint *paint, __m256 z)
 {
     __m256 texels = mul(splat(paint->texels), paint->job->eye.orthographic ? splat(1) : z);
-    __m256i level = _mm256_sub_epi32(_mm256_srli_epi32(_mm256_castps_si256(texels), 23), _mm256_set1_epi32(127));
+    __m256i level =
+        _mm256_sub_epi32(_mm256_srli_epi32(_mm256_castps_si256(texels), 23), _mm256_set1_epi32(127));
     level = _mm256_max_epi32(level, _mm256_setzero_si256());
     return _mm256_min_epi32(level, _mm256_set1_epi32(paint->map->level_count - 1));
 }
@@ -278,7 +257,8 @@ static inline __m256 on_grid(const float f[5], bool orthographic, const struct s
     return add(add(mul(functional(f, sights->i, sights->j), z0), mul(splat(f[3]), z1)), splat(f[4]));
 }
 
-static inline __m256 arriving(const struct sv_leaf_light *light, bool orthographic, const struct sights *sights)
+static inline __m256 arriving(const struct sv_leaf_light *light, bool orthographic,
+                              const struct sights *sights)
 {
     __m256 column = held(on_grid(light->column, orthographic, sights), SV_SHADE_COLUMNS - 1);
     __m256 row = held(on_grid(light->row, orthographic, sights), SV_SHADE_ROWS - 1);
@@ -350,7 +330,8 @@ static inline __m256i light_of(const struct sv_leaf_paint *paint, const struct s
     return code;
 }
 
-static inline void put_eight(const struct sv_leaf_paint *paint, __m256i pixel, __m256i code, const __m256 n[3])
+static inline void put_eight(const struct sv_leaf_paint *paint, __m256i pixel, __m256i code,
+                             const __m256 n[3])
 {
     uint32_t at[LANES], rgba[LANES];
     float normal[3][LANES];

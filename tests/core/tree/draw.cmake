@@ -40,7 +40,8 @@ if(TARGET sv_leaf_splat AND TARGET sv_truth AND TARGET sv_scene)
   sv_test(test_leaf_splat_extremes SOURCES test_leaf_splat_extremes.c draw_fixture.c
           LIBS sv_leaf_splat sv_tree_draw sv_scene sv_tree LABELS tree)
   add_executable(bench_leaf_splat EXCLUDE_FROM_ALL bench_leaf_splat.c leaf_fixture.c)
-  target_link_libraries(bench_leaf_splat PRIVATE sv_scene_kit sv_leaf_splat sv_truth sv_scene sv_tree sv_compare)
+  target_link_libraries(bench_leaf_splat PRIVATE sv_scene_kit sv_leaf_splat sv_tree_draw sv_truth sv_scene sv_tree
+                        sv_compare)
 endif()
 if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
   sv_test(test_sprite_truth LIBS sv_scene_kit sv_tree_draw sv_truth sv_compare LABELS tree TIMEOUT 600)

@@ -83,7 +83,8 @@ void leaf_fixture_finish(struct leaf_fixture *f)
 static int by_key(const void *a, const void *b)
 {
     const struct sv_cull_entry *x = a, *y = b;
-    return x->key != y->key ? (x->key > y->key) - (x->key < y->key) : (x->tree > y->tree) - (x->tree < y->tree);
+    return x->key != y->key ? (x->key > y->key) - (x->key < y->key)
+                            : (x->tree > y->tree) - (x->tree < y->tree);
 }
 
 void leaf_fixture_sort(struct leaf_fixture *f, const struct sv_camera *camera)
@@ -96,8 +97,8 @@ void leaf_fixture_sort(struct leaf_fixture *f, const struct sv_camera *camera)
     qsort(f->entries, f->scene->forest.count, sizeof *f->entries, by_key);
 }
 
-void leaf_fixture_truth(const struct leaf_fixture *f, const struct sv_leaf_view *view, int samples, bool trees,
-                        bool shadows, struct sv_truth_picture *out)
+void leaf_fixture_truth(const struct leaf_fixture *f, const struct sv_leaf_view *view, int samples,
+                        bool trees, bool shadows, struct sv_truth_picture *out)
 {
     struct sv_error error = {0};
     int w = view->camera.width, h = view->camera.height;

@@ -1,5 +1,5 @@
-/* leaf_fixture.h - flat scenes with given trees, the ray-cast truth of them, and leaf splats over the truth's ground,
- * for tests and measurements of core/tree/leaf_splat. */
+/* leaf_fixture.h - flat scenes with given trees, the ray-cast truth of them, and leaf splats over the truth's
+ * ground, for tests and measurements of core/tree/leaf_splat. */
 #ifndef SV_TEST_LEAF_FIXTURE_H
 #define SV_TEST_LEAF_FIXTURE_H
 
@@ -26,11 +26,12 @@ void leaf_fixture_sort(struct leaf_fixture *f, const struct sv_camera *camera);
 struct sv_vec3 leaf_fixture_middle(void);
 
 /* All four layers by the truth: colour of `samples` samples. */
-void leaf_fixture_truth(const struct leaf_fixture *f, const struct sv_leaf_view *view, int samples, bool trees,
-                        bool shadows, struct sv_truth_picture *out);
+void leaf_fixture_truth(const struct leaf_fixture *f, const struct sv_leaf_view *view, int samples,
+                        bool trees, bool shadows, struct sv_truth_picture *out);
 void leaf_picture_finish(struct sv_truth_picture *picture);
 
-/* A canvas over a copy of the truth's picture (depths as window depths), to be freed by leaf_canvas_finish. */
+/* A canvas over a copy of the truth's picture (depths as window depths), to be freed by leaf_canvas_finish.
+ */
 struct sv_canvas leaf_canvas(const struct sv_truth_picture *ground, const struct sv_camera *camera);
 void leaf_canvas_finish(struct sv_canvas *canvas);
 

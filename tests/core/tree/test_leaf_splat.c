@@ -1,5 +1,5 @@
-/* test_leaf_splat.c - leaf splats against two other drawings of the same scenes: rays (Embree) and OSMesa's polygons, and
- * what thinning out, weights, bands and several samples promise. */
+/* test_leaf_splat.c - leaf splats against two other drawings of the same scenes: rays (Embree) and OSMesa's
+ * polygons, and what thinning out, weights, bands and several samples promise. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -43,9 +43,9 @@ static struct sv_leaf_view look(double distance, double heading_deg, double up_m
 {
     double a = sv_radians(heading_deg);
     struct sv_leaf_view view = {0};
-    view.camera = fixture_camera(
-        sv_add(leaf_fixture_middle(), sv_vec3(-distance * sin(a), -distance * cos(a), up_m)), heading_deg,
-        -sv_degrees(atan2(up_m - 5, distance)), side, side);
+    view.camera =
+        fixture_camera(sv_add(leaf_fixture_middle(), sv_vec3(-distance * sin(a), -distance * cos(a), up_m)),
+                       heading_deg, -sv_degrees(atan2(up_m - 5, distance)), side, side);
     view.light = fixture_light(heading_deg + 70, 35);
     if (orthographic) {
         view.camera.projection = SV_PROJECTION_ORTHOGRAPHIC;
@@ -95,9 +95,9 @@ static void draw(const struct leaf_fixture *f, const struct sv_leaf_view *view,
 
 /* ---- the same picture as others draw ---- */
 
-/* Rays and splats take one sample at the same place. Rounding decides on pixels whose centre lies on an edge (some 1e-4 px
- * of an edge's width: under 0.1 %); a pixel of a card's mask likewise. Colour: normals of 10 bits an axis and places of
- * 16 bits are off by half a level each. */
+/* Rays and splats take one sample at the same place. Rounding decides on pixels whose centre lies on an edge
+ * (some 1e-4 px of an edge's width: under 0.1 %); a pixel of a card's mask likewise. Colour: normals of 10
+ * bits an axis and places of 16 bits are off by half a level each. */
 static void test_agrees_with_rays(void **state)
 {
     (void)state;
@@ -137,8 +137,9 @@ static void test_agrees_with_rays(void **state)
             along += dot > 0.999f;
         }
         double e = (double)either;
-        printf("scene %d: trees fill %4.1f %%, ids equal %.3f %%, depths %.3f %%, normals %.3f %%, colour off by %.3f\n", n,
-               100 * e / (SIDE * SIDE), 100 * (double)equal / e, 100 * (double)close / e,
+        printf("scene %d: trees fill %4.1f %%, ids equal %.3f %%, depths %.3f %%, normals %.3f %%, colour "
+               "off by %.3f\n",
+               n, 100 * e / (SIDE * SIDE), 100 * (double)equal / e, 100 * (double)close / e,
                100 * (double)along / (double)close, (double)sum / (3 * (double)close));
         assert_true(e > 0.05 * SIDE * SIDE);
         assert_true((double)equal >= 0.998 * e);
@@ -152,8 +153,8 @@ static void test_agrees_with_rays(void **state)
     }
 }
 
-/* OSMesa takes alpha and colour by filters of its own rounding, so masks' edges differ; with shadows the light on the
- * tree's grid is interpolated between vertices there, and taken per pixel here. */
+/* OSMesa takes alpha and colour by filters of its own rounding, so masks' edges differ; with shadows the
+ * light on the tree's grid is interpolated between vertices there, and taken per pixel here. */
 static void test_agrees_with_polygons(void **state)
 {
     (void)state;
@@ -295,7 +296,8 @@ static void test_thinning_is_continuous(void **state)
         long changed = 0, all = pixels_of(&a);
         for (int k = 0; k < SIDE * SIDE; k++)
             changed += memcmp(a.color + 4 * k, c.color + 4 * k, 4) != 0;
-        printf("fraction %.2f to %.4f: %ld of %ld pixels change\n", (double)f, (double)(f * 1.002f), changed, all);
+        printf("fraction %.2f to %.4f: %ld of %ld pixels change\n", (double)f, (double)(f * 1.002f), changed,
+               all);
         assert_true((double)changed < 0.04 * (double)all);
         leaf_canvas_finish(&a);
         leaf_canvas_finish(&c);
@@ -310,8 +312,8 @@ static void test_thinning_is_continuous(void **state)
     blank_finish(&b);
 }
 
-/* Weights take leaves away in the stored order: what shows at a smaller weight shows at a larger one, too, or something
- * nearer does; but for holes and rims of the few leaves that are growing. */
+/* Weights take leaves away in the stored order: what shows at a smaller weight shows at a larger one, too, or
+ * something nearer does; but for holes and rims of the few leaves that are growing. */
 static void test_weights(void **state)
 {
     (void)state;
@@ -336,8 +338,8 @@ static void test_weights(void **state)
     leaf_canvas_finish(&whole_ones);
 }
 
-/* Levels of the textures: the light of the picture stays, but for what chance does to one texel a pixel (4,400 of them,
- * each off by a third of itself: 0.5 %, times 3). */
+/* Levels of the textures: the light of the picture stays, but for what chance does to one texel a pixel
+ * (4,400 of them, each off by a third of itself: 0.5 %, times 3). */
 static void test_texture_levels_keep_light(void **state)
 {
     (void)state;
@@ -447,8 +449,10 @@ static void test_forms(void **state)
                 for (int lane = 0; lane < SV_LEAF_LANES; lane++) {
                     if (!(block->p0[0][lane] == block->p0[0][lane]))
                         continue;
-                    struct sv_vec3 e1 = sv_vec3((double)block->e1[0][lane], (double)block->e1[1][lane], (double)block->e1[2][lane]);
-                    struct sv_vec3 e2 = sv_vec3((double)block->e2[0][lane], (double)block->e2[1][lane], (double)block->e2[2][lane]);
+                    struct sv_vec3 e1 = sv_vec3((double)block->e1[0][lane], (double)block->e1[1][lane],
+                                                (double)block->e1[2][lane]);
+                    struct sv_vec3 e2 = sv_vec3((double)block->e2[0][lane], (double)block->e2[1][lane],
+                                                (double)block->e2[2][lane]);
                     cards += form.clusters[c].card && form.clusters[c].thins;
                     triangles += form.clusters[c].card ? 2 : 1;
                     area += form.clusters[c].thins ? sv_length(sv_cross(e1, e2)) : 0;
@@ -499,11 +503,16 @@ int main(void)
     if (sv_gl_context_create(&gl, &error))
         return 1;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_agrees_with_rays),      cmocka_unit_test(test_agrees_with_polygons),
-        cmocka_unit_test(test_thinning_keeps_area),   cmocka_unit_test(test_thinning_is_continuous),
-        cmocka_unit_test(test_weights),               cmocka_unit_test(test_bands_make_the_picture),
-        cmocka_unit_test(test_samples_are_a_mean),    cmocka_unit_test(test_forms),
-        cmocka_unit_test(test_refusals),              cmocka_unit_test(test_texture_levels_keep_light),
+        cmocka_unit_test(test_agrees_with_rays),
+        cmocka_unit_test(test_agrees_with_polygons),
+        cmocka_unit_test(test_thinning_keeps_area),
+        cmocka_unit_test(test_thinning_is_continuous),
+        cmocka_unit_test(test_weights),
+        cmocka_unit_test(test_bands_make_the_picture),
+        cmocka_unit_test(test_samples_are_a_mean),
+        cmocka_unit_test(test_forms),
+        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_texture_levels_keep_light),
     };
     int failed = cmocka_run_group_tests(tests, grow_meshes, free_meshes);
     sv_gl_context_destroy(gl);

@@ -1,6 +1,6 @@
-/* test_leaf_splat_extremes.c - leaf splats where pictures end: every SIMD level draws the same bytes; nothing is read or
- * written outside of the canvas; eyes in crowns, views of 1 and 150 degrees, small and large pictures and trees,
- * broken texture coordinates, sheets, wood alone. */
+/* test_leaf_splat_extremes.c - leaf splats where pictures end: every SIMD level draws the same bytes; nothing
+ * is read or written outside of the canvas; eyes in crowns, views of 1 and 150 degrees, small and large
+ * pictures and trees, broken texture coordinates, sheets, wood alone. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -86,8 +86,8 @@ struct picture {
 static struct picture picture_of(const struct sv_camera *camera, bool at_end)
 {
     size_t n = (size_t)camera->width * (size_t)camera->height;
-    struct picture p = {guarded(4 * n, at_end), guarded(4 * n, at_end), guarded(4 * n, at_end),
-                        guarded(12 * n, at_end), {0}};
+    struct picture p = {
+        guarded(4 * n, at_end), guarded(4 * n, at_end), guarded(4 * n, at_end), guarded(12 * n, at_end), {0}};
     p.canvas = (struct sv_canvas){.width = camera->width,
                                   .height = camera->height,
                                   .row_count = camera->height,
@@ -143,8 +143,8 @@ static struct sv_leaf_view view_of(double distance, double heading_deg, double f
 {
     double a = sv_radians(heading_deg);
     struct sv_leaf_view view = {0};
-    view.camera = fixture_camera(sv_vec3(300000 - distance * sin(a), 4e6 - distance * cos(a), 1003), heading_deg,
-                                 3, width, height);
+    view.camera = fixture_camera(sv_vec3(300000 - distance * sin(a), 4e6 - distance * cos(a), 1003),
+                                 heading_deg, 3, width, height);
     view.camera.vfov_rad = sv_radians(fov_deg);
     view.light = fixture_light(100, 30);
     return view;
@@ -289,7 +289,8 @@ static void test_large_picture(void **state)
     picture_finish(&p);
 }
 
-/* Pixels that something nearer already holds stay as they are; trees behind a wall are left out by clusters. */
+/* Pixels that something nearer already holds stay as they are; trees behind a wall are left out by clusters.
+ */
 static void test_hidden(void **state)
 {
     (void)state;
