@@ -9,6 +9,13 @@ if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
   sv_test(test_shade SOURCES test_shade.c LIBS sv_scene_kit sv_tree_draw sv_truth LABELS tree TIMEOUT 600)
 endif()
 # Billboard clouds.
+if(TARGET sv_tree_draw AND TARGET sv_scene)
+  sv_test(test_draw_cloud SOURCES test_draw_cloud.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree
+          TIMEOUT 900)
+endif()
+if(TARGET sv_tree_draw)
+  sv_test(test_billboard LIBS sv_tree_draw sv_tree sv_base LABELS tree TIMEOUT 600)
+endif()
 if(TARGET sv_tree_draw AND EXISTS ${CMAKE_SOURCE_DIR}/core/tree/import.c)
   sv_test(test_cloud SOURCES test_cloud.c cloud_fixture.c LIBS sv_tree_draw sv_tree sv_base LABELS tree TIMEOUT 600)
 endif()

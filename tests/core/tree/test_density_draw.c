@@ -16,6 +16,7 @@
 #include "core/base/rng.h"
 #include "core/gl/functions.h"
 #include "core/image/dxt.h"
+#include "core/tree/cloud_light.h"
 #include "core/tree/density_look.h"
 #include "core/tree/draw_cloud.h"
 #include "tests/core/tree/draw_fixture.h"
@@ -33,6 +34,7 @@ struct plane {
     struct sv_density_levels levels;
     uint8_t *texels, *leaf[SV_DENSITY_LEAF_LEVELS];
     float sharp;
+    struct sv_cloud_light light; /* what draw_cloud.c puts right by it */
 };
 
 static void open_plane(enum sv_cloud_form form, enum sv_density_kind kind, struct plane *p)
@@ -51,6 +53,7 @@ static void open_plane(enum sv_cloud_form form, enum sv_density_kind kind, struc
     sv_density_texels(&p->density, p->texels);
     fixture_ok(sv_density_levels_init(&p->density, &p->levels, &error), &error);
     fixture_ok(sv_density_leaf_picture(&p->density, &mesh, p->leaf, &error), &error);
+    fixture_ok(sv_cloud_light_measure(&mesh, p->cloud, &p->light, &error), &error);
     p->sharp = sv_density_sharp_scale(&p->density, p->texels);
 }
 
@@ -95,10 +98,14 @@ static double leaf_sun(const double m[3], const double l[3], double t)
     return fmax(0, 0.5 * ((1 + t) * mean + (1 - t) * along));
 }
 
-static void lit(const struct sv_density_look *look, const struct sv_cloud_plane *plane,
-                const struct sv_light *light, double rgb[3])
+static void lit(const struct plane *p, const struct sv_density_look *look, const struct sv_light *light,
+                double rgb[3])
 {
+    const struct sv_cloud_plane *plane = &p->cloud->planes[0];
     const double sun[3] = {light->to_sun.x, light->to_sun.y, light->to_sun.z};
+    const float to_sun[3] = {(float)sun[0], (float)sun[1], (float)sun[2]};
+    struct sv_cloud_shift shift =
+        sv_cloud_light_shift(&p->light, plane->normal, to_sun); /* seen from the front */
     double m[3], toward = 0, open = (double)look->open[3];
     for (int c = 0; c < 3; c++) {
         m[c] = (double)(look->normal[0] * plane->u[c] + look->normal[1] * plane->v[c] +
@@ -109,12 +116,16 @@ static void lit(const struct sv_density_look *look, const struct sv_cloud_plane 
     for (int c = 0; c < 3; c++)
         m[c] = toward < 0 ? -m[c] : m[c];
     open = fmin(fmax(open, 0), 1);
-    double direct = leaf_sun(m, sun, (double)look->translucency) * open;
+    double mean = (double)p->light.translucency,
+           leaf = mean > 0 ? fmin(fmax((double)look->translucency / mean, 0), 1) : 1;
+    double direct =
+        leaf_sun(m, sun, (double)look->translucency) * open * (1 + ((double)shift.sun - 1) * leaf);
+    double up = fmin(fmax(m[2] + (double)shift.lift * leaf, -1), 1);
+    double occlusion = fmin((double)look->occlusion * (1 + ((double)shift.sky - 1) * leaf), 1);
     for (int c = 0; c < 3; c++) {
         double ambient = (double)light->ground_rgb[c] +
-                         ((double)light->sky_rgb[c] - (double)light->ground_rgb[c]) * (0.5 + 0.5 * m[2]);
-        double v =
-            (double)look->rgb[c] * ((double)light->sun_rgb[c] * direct + ambient * (double)look->occlusion);
+                         ((double)light->sky_rgb[c] - (double)light->ground_rgb[c]) * (0.5 + 0.5 * up);
+        double v = (double)look->rgb[c] * ((double)light->sun_rgb[c] * direct + ambient * occlusion);
         rgb[c] = (double)sv_light_tone((float)v * SV_LIGHT_EXPOSURE) * (double)look->coverage;
     }
 }
@@ -183,7 +194,7 @@ static void compare(enum sv_cloud_form form, enum sv_density_kind kind, double t
                 sv_density_paper_look(&p.density, p.texels, p.leaf, 0, st[0], st[1], per_px, &look);
             else
                 sv_density_plain_look(&p.density, &p.levels, p.sharp, 0, st[0], st[1], lod, &look);
-            lit(&look, plane, &light, rgb);
+            lit(&p, &look, &light, rgb);
             for (int c = 0; c < 3; c++)
                 most = fmax(most, fabs((double)sv_srgb8_from_linear((float)rgb[c]) - (double)got[c]));
             most = fmax(most, fabs((double)(look.coverage * 255) - (double)got[3]));
