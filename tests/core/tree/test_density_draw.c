@@ -307,6 +307,65 @@ static void test_shade(void **state)
     }
 }
 
+/* Squared differences of green to the right and below, over a flat sky; rgba premultiplied, sRGB. */
+static double energy(const uint8_t *rgba, int side)
+{
+    double sum = 0;
+    uint8_t *green = malloc((size_t)side * (size_t)side);
+    assert_non_null(green);
+    for (int k = 0; k < side * side; k++)
+        green[k] = sv_srgb8_from_linear(sv_linear_from_srgb8[rgba[4 * k + 1]] +
+                                        0.55f * (1 - (float)rgba[4 * k + 3] / 255));
+    for (int j = 0; j + 1 < side; j++)
+        for (int i = 0; i + 1 < side; i++) {
+            int at = green[j * side + i], right = green[j * side + i + 1] - at,
+                below = green[(j + 1) * side + i] - at;
+            sum += right * right + below * below;
+        }
+    free(green);
+    return sum;
+}
+
+/* The whole tree by 24 planes, 100 px tall, from two sides the tuning does not look from: its gradient energy
+ * is that of its polygons with 16 samples a pixel. It aims at 0.82 of it without the light on single leaves,
+ * which adds as much again on demo trees; this one has few, large leaves. */
+static void test_energy(void **state)
+{
+    (void)state;
+    const struct sv_tree_draw_species species = {&mesh, 1, 1};
+    const struct sv_tree tree = {.height_m = HEIGHT_M};
+    struct sv_cloud_options options = SV_CLOUD_OPTIONS_DEFAULT;
+    struct sv_tree_draw_options how = SV_TREE_DRAW_OPTIONS_DEFAULT;
+    struct sv_error error;
+    struct plane p = {0};
+    struct fixture_single single;
+    fixture_ok(sv_cloud_draw_create(&species, 1, NULL, &options, &p.draw, &error), &error);
+    fixture_single_init(&single, &mesh, &tree);
+    how.form = SV_TREE_FORM_POLYGON;
+    for (int k = 0; k < 2; k++) {
+        double heading = k ? 215 : 40;
+        struct sv_camera camera = fixture_camera(sv_vec3(0, 0, 0), heading, 0, SIDE, SIDE);
+        struct sv_light light = fixture_light(150, 40);
+        struct fixture_view truth;
+        struct sv_image image;
+        camera.projection = SV_PROJECTION_ORTHOGRAPHIC;
+        camera.ortho_height_m = 2 * (double)HEIGHT_M;
+        camera.far_m = 200;
+        camera.eye = sv_madd(sv_vec3(0, 0, 0.5 * (double)HEIGHT_M), camera.forward, -100);
+        draw(&p, SV_CLOUD_FORM_DENSITY, &camera, &light, NULL, &image);
+        camera.width = camera.height = 4 * SIDE;
+        fixture_draw(single.draw, &camera, &light, &how, &truth);
+        fixture_shrink(&truth, 4);
+        double ratio = energy(image.data, SIDE) / energy(truth.color, SIDE);
+        printf("from %.0f degrees: gradient energy %.2f of the polygons'\n", heading, ratio);
+        assert_true(ratio > 0.6 && ratio < 1.4);
+        fixture_view_finish(&truth);
+        sv_image_free(&image);
+    }
+    fixture_single_finish(&single);
+    sv_cloud_draw_destroy(p.draw);
+}
+
 /* Our decoder against Mesa's, on blocks of random bits: Mesa takes thirds and sevenths in few bits. */
 static void test_blocks(void **state)
 {
@@ -339,9 +398,9 @@ int main(void)
         return 1;
     }
     fixture_tree(500, 11, &mesh);
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_paper),
-                                       cmocka_unit_test(test_ids), cmocka_unit_test(test_shade),
-                                       cmocka_unit_test(test_blocks)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain),  cmocka_unit_test(test_paper),
+                                       cmocka_unit_test(test_ids),    cmocka_unit_test(test_shade),
+                                       cmocka_unit_test(test_energy), cmocka_unit_test(test_blocks)};
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     sv_tree_mesh_finish(&mesh);
     sv_gl_context_destroy(context);
