@@ -85,6 +85,8 @@ static enum sv_status build_planes(struct sv_density_work *work, struct sv_error
             sv_density_paper_texels(work, &periods);
         status = write_file(work, error);
     }
+    if (!status && out->kind == SV_DENSITY_PLAIN)
+        status = sv_density_tune(work, error);
     free(periods.x);
     free(periods.y);
     return status;

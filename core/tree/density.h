@@ -41,8 +41,8 @@ enum {
 #define SV_DENSITY_TONE_DARK 0.4f
 
 /* Kinds of the blobs in the store; digits are raised whenever what is built changes. */
-#define SV_DENSITY_PAPER_KIND "densitypaper3"
-#define SV_DENSITY_PLAIN_KIND "density2"
+#define SV_DENSITY_PAPER_KIND "densitypaper4"
+#define SV_DENSITY_PLAIN_KIND "density4"
 
 enum sv_density_kind { SV_DENSITY_PAPER, SV_DENSITY_PLAIN, SV_DENSITY_KIND_COUNT };
 
@@ -73,6 +73,7 @@ struct sv_density {
     float period_min, period_max;      /* px: what codes 1 and 254 stand for (PAPER) */
     float wood[3], dark[3], bright[3]; /* linear colours of tones 0, SV_DENSITY_TONE_DARK and 1 */
     float translucency[4];             /* of colour c (linear): c . [0..2] + [3], to be held in 0..1 */
+    float finer; /* added to the level of detail (PLAIN): 0 or less, mostly (density_tune.c) */
     struct sv_density_leaf leaf;
     struct sv_density_plane planes[SV_DENSITY_PLANES_MAX];
     uint8_t *file; /* heap, SV_DENSITY_FILE_BYTES: the DDS file */

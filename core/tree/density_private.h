@@ -51,6 +51,9 @@ void sv_density_paper_texels(struct sv_density_work *work, const struct sv_densi
 /* density_plain.c */
 void sv_density_plain_texels(struct sv_density_work *work);
 
+/* density_tune.c: sets out->finer, once the file is written; uses up rgba and the bake. */
+SV_MUST_CHECK enum sv_status sv_density_tune(struct sv_density_work *work, struct sv_error *error);
+
 /* Texel t of a plane's tile in a picture of the atlas. */
 static inline uint8_t *sv_density_texel(uint8_t *rgba, int plane, int t)
 {

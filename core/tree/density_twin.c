@@ -80,25 +80,34 @@ static float sharpened(float coverage, float lod, float sharp)
     return unit((scaled - 0.5f) * steep + 0.5f);
 }
 
+float sv_density_plain_cover(const struct sv_density_levels *levels, float sharp, int plane, float s, float t,
+                             float lod, float rgb[3])
+{
+    int level = level_of(lod, SV_DENSITY_LEVELS - 1);
+    struct sampler albedo = tile(levels->albedo[level], level, plane, true);
+    float rgba[4];
+    bilinear(&albedo, s, t, rgba);
+    for (int c = 0; c < 3; c++)
+        rgb[c] = rgba[c] / fmaxf(rgba[3], 1e-4f);
+    float coverage = sharpened(rgba[3], lod, sharp);
+    return coverage < 1.0f / 128 ? 0 : coverage;
+}
+
 void sv_density_plain_look(const struct sv_density *density, const struct sv_density_levels *levels,
                            float sharp, int plane, float s, float t, float lod, struct sv_density_look *look)
 {
     int level = level_of(lod, SV_DENSITY_LEVELS - 1);
-    struct sampler albedo = tile(levels->albedo[level], level, plane, true),
-                   normals = tile(levels->normal[level], level, plane, false);
-    float rgba[4], g[4];
+    struct sampler normals = tile(levels->normal[level], level, plane, false);
+    float g[4];
     *look = (struct sv_density_look){0};
-    bilinear(&albedo, s, t, rgba);
-    look->coverage = sharpened(rgba[3], lod, sharp);
-    if (look->coverage < 1.0f / 128) {
-        look->coverage = 0;
+    look->coverage = sv_density_plain_cover(levels, sharp, plane, s, t, lod, look->rgb);
+    if (look->coverage == 0) {
+        *look = (struct sv_density_look){0};
         return;
     }
     bilinear(&normals, s, t, g);
-    for (int c = 0; c < 3; c++) {
-        look->rgb[c] = rgba[c] / fmaxf(rgba[3], 1e-4f);
+    for (int c = 0; c < 3; c++)
         look->normal[c] = g[c] * 2 - 1;
-    }
     look->occlusion = g[3];
     look->translucency = translucency_of(density, look->rgb);
     set_light(density, plane, s, t, look);

@@ -18,6 +18,7 @@
 #include "core/gl/functions.h"
 #include "core/gl/program.h"
 #include "core/scene/id.h"
+#include "core/tree/cloud_light.h"
 #include "core/tree/draw_cloud_form.h"
 
 enum { GROUP_FIRST = 8, BINS = 128 };
@@ -33,13 +34,14 @@ enum {
     AT_TURN,
     AT_ID,
     AT_LIGHT, /* and the next: a column of the light's grid each */
-};            /* locations in tree_cloud.vert */
+    AT_SHIFT = AT_LIGHT + 2,
+}; /* locations in tree_cloud.vert */
 enum pass { PASS_TESTED, PASS_SOFT, PASS_HARD, PASSES };
-enum { UNIFORM_ACROSS = 2, UNIFORM_ALONG = 3, UNIFORM_EDGE_ON = 4, UNIFORM_PARAMS = 8 };
+enum { UNIFORM_ACROSS = 2, UNIFORM_ALONG = 3, UNIFORM_EDGE_ON = 4, UNIFORM_LEAF = 5, UNIFORM_PARAMS = 8 };
 
 /* Cosine between a plane and the view below which it is left out: its texels would be drawn 20 times narrower
- * than they are high. What it shows is missed in the picture as it were in the tree: 0.1, 0.2 and 0.3 take 0 to
- * 4 % more error each, and hardly less time (forest_fig4, three trees). */
+ * than they are high. What it shows is missed in the picture as it were in the tree: 0.1, 0.2 and 0.3 take 0
+ * to 4 % more error each, and hardly less time (forest_fig4, three trees). */
 static const float EDGE_ON = 0.05f;
 
 struct cloud_vertex {
@@ -50,7 +52,8 @@ struct cloud_vertex {
 struct instance {
     float place[4]; /* eye-relative foot, m; height, m */
     float turn[2];  /* cos, sin of the rotation */
-    uint32_t id, reserved;
+    struct sv_cloud_shift shift;
+    uint32_t id;
 };
 
 _Static_assert(SV_SHADE_COLUMNS == 2 && SV_SHADE_ROWS == 4 && sizeof(struct sv_tree_light) == 8,
@@ -70,6 +73,7 @@ struct cloud_species {
     int owner; /* index of the species of the same mesh that all is kept at */
     bool fitted;
     struct sv_tree_cloud cloud;
+    struct sv_cloud_light light;
     struct form_species forms[SV_CLOUD_FORM_COUNT];
 };
 
@@ -131,6 +135,29 @@ static enum sv_status obtain_cloud(const struct sv_tree_draw_species *species,
     return status;
 }
 
+static enum sv_status obtain_light(const struct sv_tree_draw_species *species,
+                                   const struct sv_tree_cloud *cloud, const struct sv_cloud_options *options,
+                                   struct sv_store *store, struct sv_cloud_light *light,
+                                   struct sv_error *error)
+{
+    void *data;
+    size_t bytes;
+    struct sv_error ignored;
+    uint64_t key = store_key(species->key, options);
+    if (sv_store_get(store, SV_CLOUD_LIGHT_KIND, key, &data, &bytes, &ignored) == SV_OK) {
+        bool sized = bytes == sizeof *light;
+        if (sized)
+            memcpy(light, data, sizeof *light);
+        free(data);
+        if (sized && sv_cloud_light_sound(light))
+            return SV_OK;
+    }
+    enum sv_status status = sv_cloud_light_measure(species->mesh, cloud, light, error);
+    if (status == SV_OK && store)
+        sv_store_put(store, SV_CLOUD_LIGHT_KIND, key, light, sizeof *light, &ignored);
+    return status;
+}
+
 static enum sv_status build_blob(const struct sv_tree_draw_species *species,
                                  const struct sv_tree_cloud *cloud, const struct sv_cloud_form_row *row,
                                  uint64_t key, struct sv_store *store, void **data, size_t *bytes,
@@ -154,7 +181,10 @@ enum sv_status sv_cloud_form_prepare(const struct sv_tree_draw_species *species,
     const struct sv_cloud_form_row *row = &sv_cloud_forms[form];
     uint64_t key = store_key(species->key, options);
     sv_color_init();
+    struct sv_cloud_light light;
     enum sv_status status = obtain_cloud(species, options, store, &cloud, error);
+    if (status == SV_OK)
+        status = obtain_light(species, &cloud, options, store, &light, error);
     if (status == SV_OK && sv_store_get(store, row->kind, key, &data, &bytes, &ignored) != SV_OK) {
         data = NULL;
         status = build_blob(species, &cloud, row, key, store, &data, &bytes, error);
@@ -261,11 +291,14 @@ static void set_attributes(const struct sv_cloud_draw *draw)
     gl.EnableVertexAttribArray(AT_ID);
     gl.VertexAttribIPointer(AT_ID, 1, GL_UNSIGNED_INT, sizeof(struct instance),
                             (const void *)offsetof(struct instance, id));
+    gl.EnableVertexAttribArray(AT_SHIFT);
+    gl.VertexAttribPointer(AT_SHIFT, 3, GL_FLOAT, GL_FALSE, sizeof(struct instance),
+                           (const void *)offsetof(struct instance, shift));
     gl.BindBuffer(GL_ARRAY_BUFFER, draw->lights);
     for (GLuint c = 0; c < SV_SHADE_COLUMNS; c++)
         gl.VertexAttribPointer(AT_LIGHT + c, SV_SHADE_ROWS, GL_UNSIGNED_BYTE, GL_TRUE,
                                sizeof(struct sv_tree_light), (const void *)(size_t)(c * SV_SHADE_ROWS));
-    for (GLuint at = AT_PLACE; at <= AT_LIGHT + 1; at++)
+    for (GLuint at = AT_PLACE; at <= AT_SHIFT; at++)
         gl.VertexAttribDivisor(at, 1);
 }
 
@@ -350,6 +383,10 @@ enum sv_status sv_cloud_draw_build(struct sv_cloud_draw *draw, int species, enum
         return SV_OK;
     if (!s->fitted) {
         status = obtain_cloud(&s->of, &draw->options, draw->store, &s->cloud, error);
+        if (!status)
+            status = obtain_light(&s->of, &s->cloud, &draw->options, draw->store, &s->light, error);
+        if (status)
+            sv_tree_cloud_finish(&s->cloud);
         s->fitted = status == SV_OK;
     }
     if (!status)
@@ -499,20 +536,21 @@ static int bin_of(const struct sv_cloud_draw *draw, const float d[3])
     return best;
 }
 
+/* A direction of the world in the tree's own axes. */
+static void turn_back(const struct sv_tree *tree, struct sv_vec3 v, float d[3])
+{
+    double c = cos((double)tree->rotation_rad), s = sin((double)tree->rotation_rad);
+    d[0] = (float)(c * v.x - s * v.y);
+    d[1] = (float)(c * v.y + s * v.x);
+    d[2] = (float)v.z;
+}
+
 /* Direction to the viewer in the tree's own axes; not unit. */
 static void model_view(const struct sv_camera *camera, const struct sv_tree *tree, float d[3])
 {
-    double v[3] = {camera->eye.x - tree->x, camera->eye.y - tree->y,
-                   camera->eye.z - tree->z - 0.5 * (double)tree->height_m};
-    if (camera->projection == SV_PROJECTION_ORTHOGRAPHIC) {
-        v[0] = -camera->forward.x;
-        v[1] = -camera->forward.y;
-        v[2] = -camera->forward.z;
-    }
-    double c = cos((double)tree->rotation_rad), s = sin((double)tree->rotation_rad);
-    d[0] = (float)(c * v[0] - s * v[1]);
-    d[1] = (float)(c * v[1] + s * v[0]);
-    d[2] = (float)v[2];
+    struct sv_vec3 middle = sv_vec3(tree->x, tree->y, tree->z + 0.5 * (double)tree->height_m);
+    bool orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
+    turn_back(tree, orthographic ? sv_scale(camera->forward, -1) : sv_sub(camera->eye, middle), d);
 }
 
 static void put_instance(struct instance *i, const struct sv_tree *tree, struct sv_vec3 eye)
@@ -524,18 +562,28 @@ static void put_instance(struct instance *i, const struct sv_tree *tree, struct 
     i->turn[0] = cosf(tree->rotation_rad);
     i->turn[1] = sinf(tree->rotation_rad);
     i->id = SV_ID_TREE_FIRST + tree->number;
-    i->reserved = 0;
 }
 
 /* What is drawn, and where it is staged. */
 struct batch {
     enum sv_cloud_form form;
     const struct sv_camera *camera;
+    struct sv_vec3 to_sun;
     const struct sv_tree *trees;
     const struct sv_cull_entry *entries; /* nearest first */
     uint32_t count;
     struct sv_tree_lights lights; /* of_tree NULL: none */
 };
+
+static void put_shift(const struct sv_cloud_draw *draw, const struct batch *b, const struct sv_tree *tree,
+                      struct sv_cloud_shift *shift)
+{
+    const struct cloud_species *s = &draw->species[draw->species[tree->species].owner];
+    float view[3], sun[3];
+    model_view(b->camera, tree, view);
+    turn_back(tree, b->to_sun, sun);
+    *shift = sv_cloud_light_shift(&s->light, view, sun);
+}
 
 static void stage(struct sv_cloud_draw *draw, const struct batch *b, uint32_t entry, uint32_t at,
                   uint32_t key)
@@ -543,6 +591,7 @@ static void stage(struct sv_cloud_draw *draw, const struct batch *b, uint32_t en
     uint32_t tree = b->entries[entry].tree;
     draw->keys[at] = key;
     put_instance(&draw->staging[at], &b->trees[tree], b->camera->eye);
+    put_shift(draw, b, &b->trees[tree], &draw->staging[at].shift);
     if (b->lights.of_tree)
         draw->light_staging[at] = b->lights.of_tree[tree];
 }
@@ -608,7 +657,8 @@ static void upload_instances(const struct sv_cloud_draw *draw, uint32_t count, b
                   GL_STREAM_DRAW);
 }
 
-static void bind_species(const struct form_species *f, const struct sv_tree_light_axes *axes)
+static void bind_species(const struct form_species *f, float translucency,
+                         const struct sv_tree_light_axes *axes)
 {
     gl.BindVertexArray(f->array);
     for (int k = 0; k < SV_CLOUD_TEXTURES_MAX; k++) {
@@ -618,6 +668,7 @@ static void bind_species(const struct form_species *f, const struct sv_tree_ligh
         gl.BindTexture(f->textures.target[k], f->textures.name[k]);
     }
     gl.Uniform4fv(UNIFORM_PARAMS, SV_CLOUD_PARAMS, f->textures.params[0]);
+    gl.Uniform1f(UNIFORM_LEAF, translucency);
     for (GLuint c = 0; c < SV_SHADE_COLUMNS; c++)
         if (axes)
             gl.EnableVertexAttribArray(AT_LIGHT + c);
@@ -639,13 +690,14 @@ static void draw_pass(const struct sv_cloud_draw *draw, const struct batch *b, e
     for (uint32_t i = first, run; i < first + b->count; i += run) {
         uint32_t key = draw->keys[i];
         int species = (int)(key / BINS);
-        const struct form_species *f = &draw->species[draw->species[species].owner].forms[b->form];
+        const struct cloud_species *s = &draw->species[draw->species[species].owner];
+        const struct form_species *f = &s->forms[b->form];
         for (run = 1; i + run < first + b->count && draw->keys[i + run] == key;)
             run++;
         if (f->plane_count == 0)
             continue;
         if (bound != species)
-            bind_species(f, axes ? &axes[species] : NULL);
+            bind_species(f, s->light.translucency, axes ? &axes[species] : NULL);
         bound = species;
         size_t list = (size_t)f->plane_count * PLANE_INDICES;
         gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)list, GL_UNSIGNED_SHORT,
@@ -699,7 +751,7 @@ enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enum sv_cloud_for
         return SV_OK;
     if (!lights.of_species)
         lights.of_tree = NULL;
-    struct batch b = {form, &frame->camera, trees, entries, count, lights};
+    struct batch b = {form, &frame->camera, frame->light.to_sun, trees, entries, count, lights};
     bool tested = sv_cloud_forms[form].tested, two = !tested && !color_only;
     enum sv_status status = make_room(draw, two ? 2 * count : count, error);
     if (!status)

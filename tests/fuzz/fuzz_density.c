@@ -131,7 +131,7 @@ size_t fuzz_seed_input(struct sv_rng *rng, uint8_t out[FUZZ_INPUT_MAX])
                                           .cover = 0.5f},
                                  .file = calloc(1, SV_DENSITY_FILE_BYTES)};
     struct sv_error error;
-    void *data;
+    void *data = NULL;
     size_t bytes, head = head_bytes();
     random_floats(rng, density.wood, 9, 0, 1); /* wood, dark, bright */
     random_floats(rng, density.translucency, 4, -2, 2);

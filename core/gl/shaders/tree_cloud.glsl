@@ -5,6 +5,7 @@
 #include "tree_light.glsl"
 #endif
 
+layout(location = 5) uniform float leaf_translucency; // mean of the leaves'
 layout(location = 8) uniform vec4 params[4]; // struct sv_cloud_textures
 
 in vec3 st;
@@ -14,6 +15,7 @@ flat in vec2 half_size;
 flat in vec3 model_sun;
 flat in vec2 turn_of;
 flat in uint id;
+flat in vec3 shift; // core/tree/cloud_light.h: factors on the sun's and the sky's light, lift of the normal
 #ifdef PLANE_AXES
 flat in vec3 axis_u, axis_v;
 #endif
@@ -58,7 +60,10 @@ void cloud_light(vec3 albedo_rgb, vec3 m, float occlusion, float open, float tra
 #ifdef SHADE
     sun_open = min(sun_open * light_at.z, 1.0) * tree_light(light_at.xy, first_light, second_light);
 #endif
-    vec3 lit = light_shade(m.z, leaf_sun(m, model_sun, translucency, 1.0) * sun_open, albedo_rgb, occlusion);
+    float leaf = leaf_translucency > 0.0 ? clamp(translucency / leaf_translucency, 0.0, 1.0) : 1.0;
+    float sun = leaf_sun(m, model_sun, translucency, 1.0) * mix(1.0, shift.x, leaf) * sun_open;
+    vec3 lit = light_shade(clamp(m.z + shift.z * leaf, -1.0, 1.0), sun, albedo_rgb,
+                           min(occlusion * mix(1.0, shift.y, leaf), 1.0));
     out_color = vec4(light_air(to_viewer.w, lit), 1.0);
 #endif
 #ifdef SOFT

@@ -19,6 +19,7 @@ layout(location = 10) in vec4 second_of;
 layout(location = 2) uniform vec4 across; // struct sv_tree_light_axes
 layout(location = 3) uniform vec4 along;
 #endif
+layout(location = 11) in vec3 leaf_shift; // core/tree/cloud_light.h
 layout(location = 4) uniform float edge_on; // planes that face the viewer by less (a cosine) are left out
 
 out vec3 st;          // picture_at
@@ -28,6 +29,7 @@ flat out vec2 half_size;
 flat out vec3 model_sun;
 flat out vec2 turn_of;
 flat out uint id;
+flat out vec3 shift;
 #ifdef PLANE_AXES
 flat out vec3 axis_u, axis_v; // model axes
 #endif
@@ -57,6 +59,7 @@ void main()
     model_sun = turned_back(to_sun.xyz);
     turn_of = turn;
     id = tree_id;
+    shift = leaf_shift;
 #ifdef PLANE_AXES
     axis_u = plane_u;
     axis_v = plane_v;

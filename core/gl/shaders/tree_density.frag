@@ -7,8 +7,6 @@ layout(binding = 1) uniform sampler2DArray normals; // plane's axes; occlusion
 layout(binding = 2) uniform sampler2DArray light;   // openness
 
 const float TILE = 128.0; // SV_DENSITY_TILE
-// As SHARPER of tree_cloud.glsl, for these: found by the gradient energy of five grown and six imported species (forest_fig4).
-const float LOD_BIAS = -0.6;
 
 // Coverage where a texel takes up more than a pixel: edges as sharp as pixels allow, no more and no less area.
 float sharpened(float coverage, float lod)
@@ -32,7 +30,7 @@ float bar_of(float lod)
 void main()
 {
     vec2 dx = dFdx(st.xy) * TILE, dy = dFdy(st.xy) * TILE;
-    float lod = 0.5 * log2(max(abs(dx.x * dy.y - dx.y * dy.x), 1e-12)) + LOD_BIAS;
+    float lod = 0.5 * log2(max(abs(dx.x * dy.y - dx.y * dy.x), 1e-12)) + params[1].z; // density.finer
     vec4 rgba = textureLod(albedo, st, lod);
     float alpha = sharpened(rgba.a, lod);
     cloud_test(alpha, bar_of(lod));
