@@ -118,52 +118,76 @@ static float dot3(const float a[3], const float b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-bool sv_cloud_bake_sample(const struct sv_cloud_bake *b, int i, int j, struct sv_cloud_sample *s)
+/* Texture coordinates and colour of sample (i, j), which shows something. */
+static void read_texture(const struct sv_cloud_bake *b, const struct sv_tree_vertex *v, const float w[3],
+                         struct sv_cloud_sample *s)
 {
-    const struct sv_raster *r = &b->raster;
-    size_t at = (size_t)j * (size_t)r->width + (size_t)i;
-    if (r->triangle[at] == SV_RASTER_NONE)
-        return false;
+    for (int c = 0; c < 2; c++)
+        s->uv[c] = w[0] * v[0].uv[c] + w[1] * v[1].uv[c] + w[2] * v[2].uv[c];
+    sv_raster_color(&b->raster, s->material, s->uv[0], s->uv[1], s->rgb);
+}
+
+static void read_surface(const struct sv_cloud_bake *b, const struct sv_tree_vertex *v, const float w[3],
+                         struct sv_cloud_sample *s)
+{
     const struct sv_cloud_plane *plane = &b->cloud->planes[b->plane];
-    const struct sv_tree_vertex *v = b->placed.vertices + r->triangle[at];
-    float w[3], n[3] = {0};
-    *s = (struct sv_cloud_sample){.piece = b->piece[r->triangle[at] / 3], .material = r->material[at]};
-    const struct sv_cloud_piece *piece = &b->cloud->pieces[s->piece];
-    sv_raster_weights(r, i, j, w);
+    float n[3] = {0};
     for (int k = 0; k < 3; k++) {
         for (int c = 0; c < 3; c++)
             n[c] += w[k] * (float)v[k].normal[c];
-        for (int c = 0; c < 2; c++)
-            s->uv[c] += w[k] * v[k].uv[c];
         for (int c = 0; c < 4; c++)
             s->open[c] += w[k] * (float)v[k].open[c] * (1.0f / 127.0f);
         s->occlusion += w[k] * (float)v[k].occlusion * (1.0f / 65535.0f);
-    }
-    s->leaf = piece->flags & SV_CLOUD_LEAF;
-    s->depth = r->depth[at];
-    for (int c = 0; c < 2; c++) {
-        float box = piece->uv_hi[c] - piece->uv_lo[c];
-        s->local[c] = box > 0 ? fminf(fmaxf((s->uv[c] - piece->uv_lo[c]) / box, 0), 1) : 0;
     }
     float length = sqrtf(dot3(n, n)), front = dot3(n, plane->normal);
     float unit = length > 0 ? (front < 0 ? -1 : 1) / length : 0;
     s->normal[0] = unit * dot3(n, plane->u);
     s->normal[1] = unit * dot3(n, plane->v);
     s->normal[2] = unit * front;
-    sv_raster_color(r, s->material, s->uv[0], s->uv[1], s->rgb);
+}
+
+bool sv_cloud_bake_sample(const struct sv_cloud_bake *b, int i, int j, struct sv_cloud_sample *s)
+{
+    const struct sv_raster *r = &b->raster;
+    size_t at = (size_t)j * (size_t)r->width + (size_t)i;
+    if (r->triangle[at] == SV_RASTER_NONE)
+        return false;
+    const struct sv_tree_vertex *v = b->placed.vertices + r->triangle[at];
+    float w[3];
+    *s = (struct sv_cloud_sample){.piece = b->piece[r->triangle[at] / 3], .material = r->material[at]};
+    const struct sv_cloud_piece *piece = &b->cloud->pieces[s->piece];
+    s->leaf = piece->flags & SV_CLOUD_LEAF;
+    s->depth = r->depth[at];
+    sv_raster_weights(r, i, j, w);
+    read_texture(b, v, w, s);
+    read_surface(b, v, w, s);
+    for (int c = 0; c < 2; c++) {
+        float box = piece->uv_hi[c] - piece->uv_lo[c];
+        s->local[c] = box > 0 ? fminf(fmaxf((s->uv[c] - piece->uv_lo[c]) / box, 0), 1) : 0;
+    }
     return true;
 }
 
 void sv_cloud_bake_texel(const struct sv_cloud_bake *b, int i, int j, int s, struct sv_cloud_texel *t)
 {
     const struct sv_raster *r = &b->raster;
+    struct sv_cloud_sample q = {0};
     int count = 0, leaves = 0;
+    int32_t last = SV_RASTER_NONE; /* samples of one triangle differ by colour alone, or nearly */
     *t = (struct sv_cloud_texel){0};
     for (int y = j * s; y < (j + 1) * s && y < r->height; y++)
         for (int x = i * s; x < (i + 1) * s && x < r->width; x++) {
-            struct sv_cloud_sample q;
-            if (!sv_cloud_bake_sample(b, x, y, &q))
+            int32_t triangle = r->triangle[(size_t)y * (size_t)r->width + (size_t)x];
+            if (triangle == SV_RASTER_NONE)
                 continue;
+            if (triangle == last) {
+                float w[3];
+                sv_raster_weights(r, x, y, w);
+                read_texture(b, b->placed.vertices + triangle, w, &q);
+            } else if (!sv_cloud_bake_sample(b, x, y, &q)) {
+                continue;
+            }
+            last = triangle;
             count++;
             leaves += q.leaf;
             for (int c = 0; c < 3; c++) {

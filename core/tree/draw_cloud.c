@@ -1,9 +1,10 @@
 /* draw_cloud.c - see draw_cloud.h.
  *
- * Planes of one tree hide each other, so their order matters: each species has, for each of BINS directions
- * to the viewer, the list of its planes from the nearest to the farthest, as indices. The list of trees is
- * cut into groups of 8, 16, 32 ... (as in draw_mesh.c); in a group, trees of one species that are seen from
- * one bin are one instanced call. */
+ * The order of a tree's planes matters: each species has, for each of BINS directions to the viewer, the list
+ * of their parts (cloud_order.h) from the nearest to the farthest, as indices; the bin on the other side has
+ * them from the farthest to the nearest. For the hard pass the list of trees is cut into groups of 8, 16, 32
+ * ... (as in draw_mesh.c); in a group, trees of one species that are seen from one bin are one instanced
+ * call. */
 #include "core/tree/draw_cloud.h"
 
 #include <math.h>
@@ -19,10 +20,11 @@
 #include "core/gl/program.h"
 #include "core/scene/id.h"
 #include "core/tree/cloud_light.h"
+#include "core/tree/cloud_order.h"
 #include "core/tree/draw_cloud_form.h"
 
 enum { GROUP_FIRST = 8, BINS = 128 };
-enum { CORNERS = SV_CLOUD_OUTLINE, PLANE_INDICES = 3 * (CORNERS - 2) };
+enum { CORNERS = SV_CLOUD_OUTLINE };
 enum {
     AT_POSITION,
     AT_CENTRE,
@@ -64,7 +66,7 @@ struct form_species {
     bool built;
     struct sv_cloud_textures textures;
     GLuint array, vertices, indices;
-    int plane_count; /* that show anything: so many times PLANE_INDICES indices a bin */
+    size_t list; /* indices a bin */
     size_t bytes;
 };
 
@@ -218,16 +220,34 @@ static void corner_of(const float outline[CORNERS], int k, float st[2])
     st[1] = t < 0 ? 0 : t > 1 ? 1 : t;
 }
 
-static void put_plane(const struct sv_cloud_plane *plane, int layer, const struct sv_cloud_textures *t,
-                      struct cloud_vertex *out)
+/* The octagon about what a plane shows, plane coordinates; corners that fall together are one. */
+static struct sv_cloud_part outline_of(const struct sv_cloud_plane *plane, int layer,
+                                       const struct sv_cloud_textures *t)
 {
-    for (int k = 0; k < CORNERS; k++, out++) {
+    struct sv_cloud_part part = {.plane = layer};
+    for (int k = 0; k < CORNERS; k++) {
         float st[2];
         corner_of(t->outline[layer], k, st);
-        float x = (2 * st[0] - 1) * plane->half[0], y = (1 - 2 * st[1]) * plane->half[1];
-        *out = (struct cloud_vertex){.picture = {t->tile[layer][0] + t->tile[layer][2] * st[0],
-                                                 t->tile[layer][1] + t->tile[layer][3] * st[1], (float)layer},
-                                     .rectangle = {st[0], st[1], plane->half[0], plane->half[1]}};
+        float at[2] = {(2 * st[0] - 1) * plane->half[0], (1 - 2 * st[1]) * plane->half[1]};
+        const float *last = part.count ? part.at[part.count - 1] : NULL;
+        if (last && fabsf(at[0] - last[0]) + fabsf(at[1] - last[1]) < 1e-6f)
+            continue;
+        memcpy(part.at[part.count++], at, sizeof at);
+    }
+    return part;
+}
+
+static void put_part(const struct sv_tree_cloud *cloud, const struct sv_cloud_part *part,
+                     const struct sv_cloud_textures *t, struct cloud_vertex *out)
+{
+    const struct sv_cloud_plane *plane = &cloud->planes[part->plane];
+    const float *tile = t->tile[part->plane];
+    for (int k = 0; k < part->count; k++, out++) {
+        float x = part->at[k][0], y = part->at[k][1];
+        float s = 0.5f * (x / plane->half[0] + 1), r = 0.5f * (1 - y / plane->half[1]);
+        *out = (struct cloud_vertex){
+            .picture = {tile[0] + tile[2] * s, tile[1] + tile[3] * r, (float)part->plane},
+            .rectangle = {s, r, plane->half[0], plane->half[1]}};
         memcpy(out->centre, plane->centre, sizeof out->centre);
         for (int c = 0; c < 3; c++) {
             out->position[c] = plane->centre[c] + x * plane->u[c] + y * plane->v[c];
@@ -237,29 +257,19 @@ static void put_plane(const struct sv_cloud_plane *plane, int layer, const struc
     }
 }
 
-/* Indices of the planes shown[0 .. count) from the one nearest to a viewer in direction d. */
-static void put_order(const struct sv_tree_cloud *cloud, const int *shown, int count, const float d[3],
-                      uint16_t *out)
+/* Indices of the parts from the one nearest to a viewer in direction d. first: of each part's vertices. */
+static void put_order(const struct sv_cloud_order *order, const struct sv_tree_cloud *cloud, const float d[3],
+                      const uint16_t *first, uint16_t *scratch, uint16_t *out)
 {
-    int order[SV_CLOUD_PLANES_MAX];
-    float near[SV_CLOUD_PLANES_MAX];
-    for (int k = 0; k < count; k++) {
-        int at = k;
-        float key = dot3(cloud->planes[shown[k]].centre, d);
-        for (; at > 0 && near[at - 1] < key; at--) {
-            near[at] = near[at - 1];
-            order[at] = order[at - 1];
+    sv_cloud_order_sort(order, cloud, d, scratch);
+    for (int k = order->part_count - 1; k >= 0; k--) {
+        const struct sv_cloud_part *part = &order->parts[scratch[k]];
+        for (int i = 0; i + 2 < part->count; i++) {
+            *out++ = first[scratch[k]];
+            *out++ = (uint16_t)(first[scratch[k]] + i + 1);
+            *out++ = (uint16_t)(first[scratch[k]] + i + 2);
         }
-        near[at] = key;
-        order[at] = k;
     }
-    for (int k = 0; k < count; k++)
-        for (int i = 0; i < CORNERS - 2; i++) {
-            uint16_t first = (uint16_t)(order[k] * CORNERS);
-            *out++ = first;
-            *out++ = (uint16_t)(first + i + 1);
-            *out++ = (uint16_t)(first + i + 2);
-        }
 }
 
 static void set_attributes(const struct sv_cloud_draw *draw)
@@ -302,36 +312,72 @@ static void set_attributes(const struct sv_cloud_draw *draw)
         gl.VertexAttribDivisor(at, 1);
 }
 
-static enum sv_status build_planes(const struct sv_cloud_draw *draw, const struct sv_tree_cloud *cloud,
-                                   struct form_species *f, struct sv_error *error)
+/* Vertices of all parts, and their order for each bin. */
+static enum sv_status build_lists(const struct sv_cloud_draw *draw, const struct sv_tree_cloud *cloud,
+                                  const struct sv_cloud_order *order, struct form_species *f,
+                                  struct cloud_vertex **vertices, uint16_t **indices, int *vertex_count,
+                                  struct sv_error *error)
 {
-    int shown[SV_CLOUD_PLANES_MAX];
-    struct cloud_vertex vertices[SV_CLOUD_PLANES_MAX * CORNERS];
-    for (int k = 0; k < cloud->plane_count; k++)
-        if (cloud->planes[k].piece_count > 0 && f->textures.outline[k][0] > -1e6f) {
-            put_plane(&cloud->planes[k], k, &f->textures, vertices + f->plane_count * CORNERS);
-            shown[f->plane_count++] = k;
-        }
-    size_t list = (size_t)f->plane_count * PLANE_INDICES, bytes = BINS * list * sizeof(uint16_t);
-    uint16_t *indices = malloc(bytes + 1);
-    if (!indices)
-        return sv_fail(error, SV_ENOMEM, "cloud", "no memory for the order of %d planes", f->plane_count);
-    for (int bin = 0; bin < BINS; bin++)
-        put_order(cloud, shown, f->plane_count, draw->bins[bin], indices + (size_t)bin * list);
+    size_t parts = (size_t)order->part_count;
+    int corners = 0;
+    uint16_t *scratch = malloc((2 * parts + 1) * sizeof *scratch), *first = scratch + parts;
+    for (size_t k = 0; scratch && k < parts; k++) {
+        first[k] = (uint16_t)corners;
+        corners += order->parts[k].count;
+        f->list += 3 * ((size_t)order->parts[k].count - 2);
+    }
+    *vertex_count = corners;
+    *vertices = malloc(((size_t)corners + 1) * sizeof **vertices);
+    *indices = malloc((BINS * f->list + 1) * sizeof **indices);
+    bool made = scratch && *vertices && *indices && corners <= UINT16_MAX;
+    for (size_t k = 0; made && k < parts; k++)
+        put_part(cloud, &order->parts[k], &f->textures, *vertices + first[k]);
+    for (int bin = 0; made && bin < BINS; bin++)
+        put_order(order, cloud, draw->bins[bin], first, scratch, *indices + (size_t)bin * f->list);
+    free(scratch);
+    return made ? SV_OK : sv_fail(error, SV_ENOMEM, "cloud", "no room for %d corners of planes", corners);
+}
+
+static void upload_planes(const struct sv_cloud_draw *draw, const struct cloud_vertex *vertices,
+                          int vertex_count, const uint16_t *indices, struct form_species *f)
+{
+    size_t vertex_bytes = (size_t)vertex_count * sizeof *vertices,
+           index_bytes = BINS * f->list * sizeof *indices;
     gl.GenVertexArrays(1, &f->array);
     gl.GenBuffers(1, &f->vertices);
     gl.GenBuffers(1, &f->indices);
     gl.BindVertexArray(f->array);
     gl.BindBuffer(GL_ARRAY_BUFFER, f->vertices);
-    size_t vertex_bytes = (size_t)f->plane_count * CORNERS * sizeof *vertices;
     gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)vertex_bytes, vertices, GL_STATIC_DRAW);
     gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, f->indices);
-    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)bytes, indices, GL_STATIC_DRAW);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)index_bytes, indices, GL_STATIC_DRAW);
     set_attributes(draw);
     gl.BindVertexArray(0);
+    f->bytes = vertex_bytes + index_bytes;
+}
+
+static enum sv_status build_planes(const struct sv_cloud_draw *draw, const struct sv_tree_cloud *cloud,
+                                   struct form_species *f, struct sv_error *error)
+{
+    struct sv_cloud_part outlines[SV_CLOUD_PLANES_MAX];
+    struct sv_cloud_order order = {0};
+    struct cloud_vertex *vertices = NULL;
+    uint16_t *indices = NULL;
+    int shown = 0, vertex_count = 0;
+    for (int k = 0; k < cloud->plane_count; k++)
+        if (cloud->planes[k].piece_count > 0 && f->textures.outline[k][0] > -1e6f) {
+            outlines[shown] = outline_of(&cloud->planes[k], k, &f->textures);
+            shown += outlines[shown].count >= 3;
+        }
+    enum sv_status status = sv_cloud_order_build(cloud, outlines, shown, &order, error);
+    if (!status)
+        status = build_lists(draw, cloud, &order, f, &vertices, &indices, &vertex_count, error);
+    if (!status)
+        upload_planes(draw, vertices, vertex_count, indices, f);
+    free(vertices);
     free(indices);
-    f->bytes = vertex_bytes + bytes;
-    return SV_OK;
+    sv_cloud_order_finish(&order);
+    return status;
 }
 
 static enum sv_status upload_blob(const struct cloud_species *s, const struct sv_cloud_form_row *row,
@@ -694,14 +740,13 @@ static void draw_pass(const struct sv_cloud_draw *draw, const struct batch *b, e
         const struct form_species *f = &s->forms[b->form];
         for (run = 1; i + run < first + b->count && draw->keys[i + run] == key;)
             run++;
-        if (f->plane_count == 0)
+        if (f->list == 0)
             continue;
         if (bound != species)
             bind_species(f, s->light.translucency, axes ? &axes[species] : NULL);
         bound = species;
-        size_t list = (size_t)f->plane_count * PLANE_INDICES;
-        gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)list, GL_UNSIGNED_SHORT,
-                                             (const void *)(key % BINS * list * sizeof(uint16_t)),
+        gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)f->list, GL_UNSIGNED_SHORT,
+                                             (const void *)(key % BINS * f->list * sizeof(uint16_t)),
                                              (GLsizei)run, i);
     }
 }

@@ -17,6 +17,8 @@
 #include "core/image/dxt.h"
 #include "core/tree/billboard.h"
 #include "core/tree/cloud_bake.h"
+#include "core/tree/cloud_light.h"
+#include "core/tree/cloud_order.h"
 #include "core/tree/grow.h"
 #include "core/tree/indirect.h"
 
@@ -488,6 +490,123 @@ static void layers_are_counted(void **state)
     tree_finish(&t);
 }
 
+/* ---- order and light ---- */
+
+/* Along any ray the part that is nearer to the viewer is painted later; the parts of a plane are all of it.
+ */
+static void parts_are_painted_in_order(void **state)
+{
+    (void)state;
+    struct tree t;
+    struct sv_error error;
+    struct sv_cloud_part outlines[24];
+    struct sv_cloud_order order;
+    struct sv_rng rng = sv_rng_seeded(8, 8);
+    double whole = 0, cut = 0;
+    tree_init(&t, SV_HABIT_BROADLEAF, 500, 24);
+    for (int k = 0; k < 24; k++) {
+        const float *h = t.cloud.planes[k].half;
+        outlines[k] =
+            (struct sv_cloud_part){k, 4, {{-h[0], -h[1]}, {h[0], -h[1]}, {h[0], h[1]}, {-h[0], h[1]}}};
+        whole += 4 * (double)h[0] * (double)h[1];
+    }
+    must(sv_cloud_order_build(&t.cloud, outlines, 24, &order, &error), &error);
+    assert_in_range(order.part_count, 24, SV_CLOUD_PARTS_MAX);
+    for (int k = 0; k < order.part_count; k++) {
+        const struct sv_cloud_part *p = &order.parts[k];
+        for (int i = 0; i < p->count; i++) {
+            const float *a = p->at[i], *b = p->at[(i + 1) % p->count];
+            cut += 0.5 * (double)(a[0] * b[1] - a[1] * b[0]);
+        }
+    }
+    assert_true(fabs(cut / whole - 1) < 1e-3);
+    uint16_t *rank = malloc(2 * (size_t)order.part_count * sizeof *rank), *list = rank + order.part_count;
+    assert_non_null(rank);
+    int pairs = 0, wrong = 0;
+    for (int n = 0; n < 400; n++) {
+        double z = sv_rng_range(&rng, -1, 1), a = sv_rng_range(&rng, 0, 7), c = sqrt(1 - z * z);
+        float d[3] = {(float)(c * cos(a)), (float)(c * sin(a)), (float)z};
+        struct sv_vec3 dir = sv_vec3((double)d[0], (double)d[1], (double)d[2]);
+        struct sv_vec3 from = sv_vec3(sv_rng_range(&rng, -0.3, 0.3), sv_rng_range(&rng, -0.3, 0.3),
+                                      sv_rng_range(&rng, 0.2, 0.9));
+        double along[64];
+        uint16_t hit[64];
+        int hits = 0;
+        sv_cloud_order_sort(&order, &t.cloud, d, list);
+        memset(rank, 0xff, (size_t)order.part_count * sizeof *rank);
+        for (int k = 0; k < order.part_count; k++)
+            rank[list[k]] = (uint16_t)k;
+        for (int k = 0; k < order.part_count && hits < 64; k++) {
+            const struct sv_cloud_part *p = &order.parts[k];
+            const struct sv_cloud_plane *q = &t.cloud.planes[p->plane];
+            assert_true(rank[k] != UINT16_MAX); /* every part is listed */
+            struct sv_vec3 normal = sv_vec3((double)q->normal[0], (double)q->normal[1], (double)q->normal[2]);
+            struct sv_vec3 off =
+                sv_sub(sv_vec3((double)q->centre[0], (double)q->centre[1], (double)q->centre[2]), from);
+            double facing = sv_dot(normal, dir), s = sv_dot(normal, off) / facing;
+            struct sv_vec3 at = sv_sub(sv_scale(dir, s), off);
+            double x = sv_dot(at, sv_vec3((double)q->u[0], (double)q->u[1], (double)q->u[2]));
+            double y = sv_dot(at, sv_vec3((double)q->v[0], (double)q->v[1], (double)q->v[2]));
+            bool inside = fabs(facing) > 0.05;
+            for (int i = 0; i < p->count; i++) {
+                const float *e = p->at[i], *f = p->at[(i + 1) % p->count];
+                inside = inside && ((double)f[0] - (double)e[0]) * (y - (double)e[1]) -
+                                           ((double)f[1] - (double)e[1]) * (x - (double)e[0]) >
+                                       1e-5;
+            }
+            if (inside) {
+                along[hits] = s;
+                hit[hits++] = (uint16_t)k;
+            }
+        }
+        for (int i = 0; i < hits; i++)
+            for (int k = 0; k < hits; k++)
+                if (along[i] > along[k] + 0.05) { /* parts may overlap by what is too thin to be cut */
+                    pairs++;
+                    wrong += rank[hit[i]] < rank[hit[k]];
+                }
+    }
+    print_message("order: %d parts, %d of %d pairs along rays wrong\n", order.part_count, wrong, pairs);
+    assert_true(pairs > 10000 && wrong < 0.05 * pairs);
+    free(rank);
+    sv_cloud_order_finish(&order);
+    tree_finish(&t);
+}
+
+/* Factors of a mesh against itself are 1 but for what its own cloud hides; they change by little from one
+ * direction to the next, and any number is legal. */
+static void light_is_shifted_smoothly(void **state)
+{
+    (void)state;
+    struct tree t;
+    struct sv_cloud_light light;
+    struct sv_error error;
+    static const float odd[] = {0, -0.0f, 1, -1, 1e-30f, 1e15f, NAN};
+    tree_init(&t, SV_HABIT_BROADLEAF, 3000, 24);
+    must(sv_cloud_light_measure(&t.mesh, &t.cloud, &light, &error), &error);
+    assert_true(sv_cloud_light_sound(&light));
+    struct sv_cloud_shift last = {0, 0, 0};
+    for (int k = 0; k <= 3600; k++) {
+        double a = k * SV_PI / 1800, e = 0.4 * SV_PI * sin(3 * a);
+        float v[3] = {(float)(cos(a) * cos(e)), (float)(sin(a) * cos(e)), (float)sin(e)},
+              l[3] = {0.5f, 0.3f, 0.6f};
+        struct sv_cloud_shift s = sv_cloud_light_shift(&light, v, l);
+        assert_true(s.sun > 0.7f && s.sun < 1.6f && s.sky > 0.7f && s.sky < 1.5f && fabsf(s.lift) < 0.3f);
+        assert_true(k == 0 || (fabsf(s.sun - last.sun) < 0.02f && fabsf(s.sky - last.sky) < 0.02f));
+        last = s;
+    }
+    for (int k = 0; k < 7 * 7 * 7; k++) {
+        float d[3] = {odd[k % 7], odd[k / 7 % 7], odd[k / 49]}, up[3] = {0.1f, 0, 1};
+        struct sv_cloud_shift a = sv_cloud_light_shift(&light, d, up),
+                              b = sv_cloud_light_shift(&light, up, d);
+        assert_true(isfinite(a.sun) && isfinite(a.sky) && isfinite(a.lift) && isfinite(b.sun) &&
+                    isfinite(b.lift));
+    }
+    light.sky[1] = NAN;
+    assert_false(sv_cloud_light_sound(&light));
+    tree_finish(&t);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -499,6 +618,8 @@ int main(void)
         cmocka_unit_test(sides_out_of_range_are_refused),
         cmocka_unit_test(indirect_leaves_lie_where_leaves_do),
         cmocka_unit_test(layers_are_counted),
+        cmocka_unit_test(parts_are_painted_in_order),
+        cmocka_unit_test(light_is_shifted_smoothly),
     };
     sv_color_init();
     return cmocka_run_group_tests(tests, NULL, NULL);
