@@ -12,7 +12,7 @@
 #include "core/gl/target.h"
 #include "core/relief/draw_object.h"
 #include "core/terrain/draw.h"
-#include "core/terrain/draw_shadow.h"
+#include "core/terrain/ground.h"
 #include "core/tree/draw.h"
 #include "core/tree/shade.h"
 #include "core/truth/truth.h"
@@ -31,13 +31,14 @@ struct sv_renderer {
     struct sv_object_draw *objects; /* NULL: the scene has none */
     struct sv_truth *truth;
     struct sv_tree_shade *shade; /* NULL: no trees */
-    struct sv_shadow_draw *shadow_draw;
+    struct sv_ground *ground;
+    struct sv_shadow_pages *pages;
     struct sun_shadow scene_sun, other_sun; /* the scene's own is made before any fork */
-    struct sv_gl_shadows shadows;           /* of the view that is being drawn */
     sv_clock_ms clock;
     struct sv_gl_target *target; /* the last one used: most clients keep their size */
     int target_width, target_height;
     unsigned target_layers;
+    struct sv_image ground_color, ground_depth; /* of the target's size */
 };
 
 void sv_renderer_destroy(struct sv_renderer *renderer)
@@ -45,9 +46,12 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     if (!renderer)
         return;
     sv_gl_target_destroy(renderer->target);
+    sv_image_free(&renderer->ground_color);
+    sv_image_free(&renderer->ground_depth);
     sv_shadow_height_finish(&renderer->scene_sun.terrain);
     sv_shadow_height_finish(&renderer->other_sun.terrain);
-    sv_shadow_draw_destroy(renderer->shadow_draw);
+    sv_shadow_pages_destroy(renderer->pages);
+    sv_ground_destroy(renderer->ground);
     sv_tree_shade_destroy(renderer->shade);
     sv_truth_destroy(renderer->truth);
     sv_object_draw_destroy(renderer->objects);
@@ -103,7 +107,7 @@ static enum sv_status create_shadows(struct sv_renderer *r, struct sv_error *err
 {
     struct sv_light light;
     sv_light_from_sun(&r->scene->sun, &light);
-    enum sv_status status = sv_shadow_draw_create(&r->shadow_draw, error);
+    enum sv_status status = sv_shadow_pages_create(&r->pages, error);
     if (!status && light.to_sun.z > 0)
         status = make_sun(r, &r->scene_sun, light.to_sun, error);
     if (!status && r->trees)
@@ -113,11 +117,11 @@ static enum sv_status create_shadows(struct sv_renderer *r, struct sv_error *err
     return status;
 }
 
-/* Everything that keeps the sun of a view off the ground, ready to draw with. */
+/* Everything that keeps the sun of a view off the ground, ready to be asked for; *shadows: there is any. */
 static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_resolved_view *view,
-                                      struct sv_gl_frame *frame, struct sv_error *error)
+                                      const struct sv_gl_frame *frame, bool *shadows, struct sv_error *error)
 {
-    frame->shadows = NULL;
+    *shadows = false;
     if (!view->plan.shadows || frame->light.to_sun.z <= 0) /* night: no sunlight to keep off */
         return SV_OK;
     struct sun_shadow *sun;
@@ -139,9 +143,9 @@ static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_res
         scene.casters[SV_SHADOW_CASTERS_MAX - 1] =
             (struct sv_shadow_caster_of){sv_object_draw_cast, r->objects};
     }
-    status = sv_shadow_draw_update(r->shadow_draw, &scene, &view->camera, &r->shadows, NULL, error);
-    frame->shadows = &r->shadows;
-    return status;
+    sv_shadow_pages_use(r->pages, &scene);
+    *shadows = true;
+    return SV_OK;
 }
 
 enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_renderer_options *options,
@@ -156,6 +160,8 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     enum sv_status status = sv_gl_context_create(&r->gl, error);
     if (!status)
         status = sv_terrain_draw_create(&scene->terrain, options->store, &r->terrain, error);
+    if (!status)
+        status = sv_ground_create(&scene->terrain, &r->ground, error);
     if (!status)
         status = create_trees(r, options->store, error);
     if (!status && scene->object_count > 0)
@@ -222,7 +228,13 @@ static enum sv_status want_target(struct sv_renderer *r, int width, int height, 
         return SV_OK;
     sv_gl_target_destroy(r->target);
     r->target = NULL;
+    sv_image_free(&r->ground_color);
+    sv_image_free(&r->ground_depth);
     enum sv_status status = sv_gl_target_create(width, height, layers, &r->target, error);
+    if (!status && layers & 1u << SV_LAYER_COLOR)
+        status = sv_image_alloc(width, height, 4, SV_PIXEL_U8, &r->ground_color, error);
+    if (!status && layers & 1u << SV_LAYER_COLOR)
+        status = sv_image_alloc(width, height, 1, SV_PIXEL_F32, &r->ground_depth, error);
     if (status)
         return status;
     r->target_width = width;
@@ -237,12 +249,12 @@ static double share_of_trees(void *shade, struct sv_vec3 place)
 }
 
 static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolved_view *view,
-                                   const struct sv_gl_frame *frame, unsigned layers,
+                                   const struct sv_gl_frame *frame, bool shadows, unsigned layers,
                                    struct sv_object_draw_stats *stats, struct sv_error *error)
 {
     struct sv_object_draw_options options = {.relief_texel_px = view->plan.relief_texel_px,
                                              .layers = layers,
-                                             .shadows = frame->shadows != NULL};
+                                             .shadows = shadows};
     struct sun_shadow *sun = NULL;
     if (options.shadows && want_sun(r, frame->light.to_sun, &sun, error) == SV_OK) {
         options.ground = sv_shadow_height_at;
@@ -253,6 +265,30 @@ static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolv
         }
     }
     return sv_object_draw_view(r->objects, frame, &options, stats, error);
+}
+
+/* Terrain, and the sky behind it. They come before the trees: their soft edges blend over it. */
+static enum sv_status draw_ground(struct sv_renderer *r, const struct sv_resolved_view *view,
+                                  const struct sv_gl_frame *frame, bool shadows, bool sky, unsigned layers,
+                                  struct sv_terrain_draw_stats *stats, struct sv_error *error)
+{
+    bool depth_only = !(layers & (1u << SV_LAYER_ID | 1u << SV_LAYER_NORMAL));
+    enum sv_status status =
+        sv_terrain_draw(r->terrain, frame, view->plan.terrain_error_px, depth_only, stats, error);
+    if (status || !(layers & 1u << SV_LAYER_COLOR))
+        return status;
+    status = sv_gl_target_read(r->target, SV_LAYER_DEPTH, &r->ground_depth, error);
+    if (status)
+        return status;
+    struct sv_ground_view ground = {.camera = &frame->camera,
+                                    .light = &frame->light,
+                                    .shift_x_px = frame->shift_x_px,
+                                    .shift_y_px = frame->shift_y_px,
+                                    .shadows = shadows ? r->pages : NULL,
+                                    .sky = sky,
+                                    .depth = r->ground_depth.data};
+    sv_ground_shade(r->ground, &ground, r->ground_color.data);
+    return sv_gl_target_write(r->target, &r->ground_color, error);
 }
 
 /* One pass: everything once, at one sample position, into the renderer's target. */
@@ -269,20 +305,18 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
     frame.shift_y_px = shift_y;
     sv_light_from_sun(&view->sun, &frame.light);
     frame.light.air = view->air;
-    status = prepare_shadows(r, view, &frame, error);
+    bool shadows;
+    status = prepare_shadows(r, view, &frame, &shadows, error);
     if (status)
         return status;
     sv_gl_target_begin(r->target);
     status = sv_gl_frame_begin(&frame, error);
     struct sv_terrain_draw_stats terrain = {0};
     if (!status)
-        status = sv_terrain_draw(r->terrain, &frame, view->plan.terrain_error_px, &terrain, error);
-    /* The sky comes before the trees: their soft edges blend over it. */
-    if (!status && sky && layers & 1u << SV_LAYER_COLOR)
-        status = sv_sky_draw(&frame, error);
+        status = draw_ground(r, view, &frame, shadows, sky, layers, &terrain, error);
     struct sv_object_draw_stats objects = {0};
     if (!status && r->objects)
-        status = draw_objects(r, view, &frame, layers, &objects, error);
+        status = draw_objects(r, view, &frame, shadows, layers, &objects, error);
     struct sv_tree_draw_stats trees = {0};
     if (!status && r->trees && view->plan.draw_trees) {
         struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
@@ -290,7 +324,7 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
         options.polygon_px = view->plan.polygon_px;
         options.triangle_budget = view->plan.triangle_budget;
         options.color_only = layers == 1u << SV_LAYER_COLOR;
-        options.shade = frame.shadows ? r->shade : NULL;
+        options.shade = shadows ? r->shade : NULL;
         status = sv_tree_draw_forest(r->trees, &frame, &options, &trees, error);
     }
     if (!status && stats) {

@@ -70,7 +70,7 @@ static int setup(void **state)
 {
     (void)state;
     struct sv_error error;
-    return sv_shadow_window_alloc(&window, &error) == SV_OK ? 0 : -1;
+    return sv_shadow_window_alloc(&window, SV_SHADOW_WINDOW_SIDE, &error) == SV_OK ? 0 : -1;
 }
 static int teardown(void **state)
 {

@@ -516,7 +516,7 @@ static void night_and_no_direction(void **state)
     struct forest f;
     struct sv_error error;
     struct sv_shadow_window window = {0};
-    ok(sv_shadow_window_alloc(&window, &error), &error);
+    ok(sv_shadow_window_alloc(&window, SV_SHADOW_WINDOW_SIDE, &error), &error);
     sv_shadow_window_fill(&window, &ground->terrain.field, NULL,
                           (struct sv_shadow_place){middle().x - 64, middle().y - 64, 0.125});
     forest_init(&f, &tree, 1, table, SPECIES);
@@ -653,7 +653,7 @@ static void windows_keep_the_amount_of_shade(void **state)
     static const double texels[] = {0.125, 0.25, 0.5, 1, 2, 4, 8, 16};
     struct sv_error error;
     struct sv_shadow_window w = {0};
-    ok(sv_shadow_window_alloc(&w, &error), &error);
+    ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
     for (int e = 0; e < 3; e++) {
         double elevation = 15 + 30 * e;
         struct sv_tree tree = tree_at(0, 0, 14, e, 5);
@@ -693,7 +693,7 @@ static void shade_of_tiny_trees_adds_up(void **state)
     struct forest f;
     struct sv_error error;
     struct sv_shadow_window w = {0};
-    ok(sv_shadow_window_alloc(&w, &error), &error);
+    ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
     sv_shadow_window_fill(&w, &ground->terrain.field, NULL,
                           (struct sv_shadow_place){middle().x - 1024, middle().y - 1024, 2});
     forest_init(&f, trees, COUNT, table, SPECIES);
@@ -715,8 +715,8 @@ static void the_caster_finds_every_tree_that_reaches(void **state)
     (void)state;
     struct sv_error error;
     struct sv_shadow_window a = {0}, b = {0};
-    ok(sv_shadow_window_alloc(&a, &error), &error);
-    ok(sv_shadow_window_alloc(&b, &error), &error);
+    ok(sv_shadow_window_alloc(&a, SV_SHADOW_WINDOW_SIDE, &error), &error);
+    ok(sv_shadow_window_alloc(&b, SV_SHADOW_WINDOW_SIDE, &error), &error);
     struct forest f;
     forest_init(&f, stand->forest.trees, stand->forest.count, table, SPECIES);
     struct sv_rng rng = sv_rng_seeded(8, 8);
@@ -759,7 +759,7 @@ static void light_at_a_place_is_that_of_the_ground(void **state)
     (void)state;
     struct sv_error error;
     struct sv_shadow_window w = {0};
-    ok(sv_shadow_window_alloc(&w, &error), &error);
+    ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
     struct forest f, none;
     forest_init(&f, stand->forest.trees, stand->forest.count, table, SPECIES);
     forest_init(&none, stand->forest.trees, 0, table, SPECIES);
@@ -831,7 +831,7 @@ static void a_million_trees(void **state)
         printf(" ms at 5, 30, 55 degrees (mean light %.2f %.2f %.2f)", light[0], light[1], light[2]);
         assert_true(light[0] > 0.02 && light[0] < light[1] && light[1] < light[2] && light[2] < 0.95);
         struct sv_shadow_window w = {0};
-        ok(sv_shadow_window_alloc(&w, &error), &error);
+        ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
         sv_shadow_window_fill(&w, &ground->terrain.field, NULL,
                               (struct sv_shadow_place){middle().x - 1024, middle().y - 1024, 2});
         double since = now_ms();
