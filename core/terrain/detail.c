@@ -208,14 +208,16 @@ static void sample_level(double u, double v, int level, float out[4])
     }
 }
 
-/* textureLod with trilinear filtering; values about 0. */
+/* Mixed from two mip levels half-way between them only, so that half of all pixels read one; values about 0. */
 static void sample_tile(double u, double v, double lod, float out[4])
 {
     float high[4];
     lod = sv_clamp(lod, 0, LEVELS - 1);
-    int level = (int)lod < LEVELS - 1 ? (int)lod : LEVELS - 2;
-    float t = (float)(lod - level);
+    int level = (int)(lod + 0.25) < LEVELS - 1 ? (int)(lod + 0.25) : LEVELS - 1;
+    float t = (float)(2 * (lod - level) - 0.5);
     sample_level(u, v, level, out);
+    if (!(t > 0))
+        return;
     sample_level(u, v, level + 1, high);
     for (int k = 0; k < 4; k++)
         out[k] += (high[k] - out[k]) * t;

@@ -139,14 +139,15 @@ static void submit(const struct sv_terrain_draw *draw, const struct sv_gl_frame 
     gl.BindVertexArray(0);
 }
 
-static void set_state(const struct sv_terrain_draw *draw)
+static void set_state(const struct sv_terrain_draw *draw, bool depth_only)
 {
     gl.Enable(GL_DEPTH_TEST);
     gl.DepthFunc(GL_GREATER);
     gl.DepthMask(GL_TRUE);
     gl.Disable(GL_BLEND);
     gl.Disable(GL_CULL_FACE);
-    gl.ColorMaski(0, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    for (GLuint k = 0; k < (depth_only ? 3 : 1); k++)
+        gl.ColorMaski(k, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
     gl.ActiveTexture(GL_TEXTURE0);
     gl.BindTexture(GL_TEXTURE_2D, draw->normals);
 }
@@ -158,7 +159,7 @@ enum sv_status sv_terrain_draw(struct sv_terrain_draw *draw, const struct sv_gl_
     if (status)
         return status;
     if (draw->mesh.triangle_count) {
-        set_state(draw);
+        set_state(draw, depth_only);
         submit(draw, frame, depth_only);
         gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     }

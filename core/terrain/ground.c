@@ -13,7 +13,10 @@ struct sv_ground {
     const struct sv_terrain *terrain;
     struct sv_ground_map albedo, normal;
     uint8_t *own[4]; /* what the maps hold of the heap */
+    uint8_t *tile;   /* the detail's levels, each row with its first texel once more */
+    int32_t tile_first[SV_TERRAIN_DETAIL_LEVELS];
     uint8_t codes[SV_GROUND_CODES + 3];
+    float linear[SV_GROUND_CODES];
 };
 
 /* ---- mip levels ---- */
@@ -112,6 +115,29 @@ static enum sv_status check_images(const struct sv_terrain *terrain, struct sv_e
     return SV_OK;
 }
 
+static enum sv_status lay_out_tile(struct sv_ground *ground, struct sv_error *error)
+{
+    size_t bytes = 0;
+    for (int l = 0; l < SV_TERRAIN_DETAIL_LEVELS; l++) {
+        size_t side = SV_TERRAIN_DETAIL_SIDE >> l;
+        ground->tile_first[l] = (int32_t)bytes;
+        bytes += side * (side + 1) * 4;
+    }
+    ground->tile = malloc(bytes);
+    if (!ground->tile)
+        return sv_fail(error, SV_ENOMEM, "terrain", "no memory for the ground's detail");
+    uint8_t *to = ground->tile;
+    for (int l = 0; l < SV_TERRAIN_DETAIL_LEVELS; l++) {
+        const uint8_t *from = sv_terrain_detail_level(l);
+        size_t row = (size_t)4 * (SV_TERRAIN_DETAIL_SIDE >> l);
+        for (int j = 0; j < SV_TERRAIN_DETAIL_SIDE >> l; j++, from += row, to += row + 4) {
+            memcpy(to, from, row);
+            memcpy(to + row, from, 4);
+        }
+    }
+    return SV_OK;
+}
+
 enum sv_status sv_ground_create(const struct sv_terrain *terrain, struct sv_ground **ground, struct sv_error *error)
 {
     enum sv_status status = check_images(terrain, error);
@@ -124,6 +150,8 @@ enum sv_status sv_ground_create(const struct sv_terrain *terrain, struct sv_grou
     sv_color_init();
     status = sv_terrain_detail_init(error);
     if (!status)
+        status = lay_out_tile(made, error);
+    if (!status)
         status = make_map(&terrain->albedo, true, &made->albedo, &made->own[0], &made->own[1], error);
     if (!status)
         status = make_map(&terrain->normal, false, &made->normal, &made->own[2], &made->own[3], error);
@@ -131,8 +159,10 @@ enum sv_status sv_ground_create(const struct sv_terrain *terrain, struct sv_grou
         sv_ground_destroy(made);
         return status;
     }
-    for (int k = 0; k < SV_GROUND_CODES; k++)
+    for (int k = 0; k < SV_GROUND_CODES; k++) {
         made->codes[k] = sv_srgb8_from_linear((float)k / (SV_GROUND_CODES - 1));
+        made->linear[k] = sv_linear_from_srgb((float)k / (SV_GROUND_CODES - 1));
+    }
     *ground = made;
     return SV_OK;
 }
@@ -143,6 +173,7 @@ void sv_ground_destroy(struct sv_ground *ground)
         return;
     for (int k = 0; k < 4; k++)
         free(ground->own[k]);
+    free(ground->tile);
     free(ground);
 }
 
@@ -195,6 +226,7 @@ static void set_maps(struct sv_ground_job *job, const struct sv_ground *ground, 
     job->albedo = &ground->albedo;
     job->normal = &ground->normal;
     job->codes = ground->codes;
+    job->linear = ground->linear;
     job->albedo_uv[0] = (float)(1 / size_x);
     job->albedo_uv[1] = (float)(1 / size_y);
     job->albedo_uv[2] = (float)((eye.x - f->x0) / size_x);
@@ -208,12 +240,11 @@ static void set_maps(struct sv_ground_job *job, const struct sv_ground *ground, 
     job->normal_lod = (float)log2(sqrt(f->dx * f->dy));
 }
 
-static void set_detail(struct sv_ground_job *job, struct sv_vec3 eye)
+static void set_detail(struct sv_ground_job *job, const struct sv_ground *ground, struct sv_vec3 eye)
 {
     double at[SV_DETAIL_COUNT][2];
-    job->tile = sv_terrain_detail_level(0);
-    for (int l = 0; l < SV_TERRAIN_DETAIL_LEVELS; l++)
-        job->tile_first[l] = (int32_t)(sv_terrain_detail_level(l) - job->tile);
+    job->tile = ground->tile;
+    memcpy(job->tile_first, ground->tile_first, sizeof job->tile_first);
     sv_terrain_detail_place(eye.x, eye.y, at);
     for (int k = 0; k < SV_DETAIL_COUNT; k++) {
         struct sv_terrain_detail_form form =
@@ -251,7 +282,8 @@ static void set_shadows(struct sv_ground_job *job, const struct sv_ground *groun
     }
 }
 
-void sv_ground_shade(const struct sv_ground *ground, const struct sv_ground_view *view, uint8_t *rgba)
+void sv_ground_shade_by(const struct sv_ground *ground, const struct sv_ground_view *view, sv_ground_row *row,
+                        uint8_t *rgba)
 {
     struct sv_ground_job job;
     memset(&job, 0, sizeof job);
@@ -259,9 +291,13 @@ void sv_ground_shade(const struct sv_ground *ground, const struct sv_ground_view
     set_camera(&job, view);
     set_light(&job, view->light);
     set_maps(&job, ground, view->camera->eye);
-    set_detail(&job, view->camera->eye);
+    set_detail(&job, ground, view->camera->eye);
     set_shadows(&job, ground, view->shadows, view->camera->eye);
-    sv_ground_row *row = sv_simd_level() >= SV_SIMD_AVX2 ? sv_ground_row_avx2 : sv_ground_row_plain;
     for (int y = 0; y < view->camera->height; y++)
         row(&job, y);
+}
+
+void sv_ground_shade(const struct sv_ground *ground, const struct sv_ground_view *view, uint8_t *rgba)
+{
+    sv_ground_shade_by(ground, view, sv_simd_level() >= SV_SIMD_AVX2 ? sv_ground_row_avx2 : sv_ground_row_plain, rgba);
 }

@@ -9,7 +9,7 @@
 #include "core/terrain/detail.h"
 #include "core/terrain/shadow_page.h"
 
-enum { SV_GROUND_LEVELS = 16, SV_GROUND_CODES = 8192 };
+enum { SV_GROUND_LEVELS = 16, SV_GROUND_CODES = 4096 };
 
 /* An image and its mip levels. */
 struct sv_ground_map {
@@ -39,6 +39,7 @@ struct sv_ground_job {
     float albedo_lod, normal_lod; /* log2 of a texel, m */
     float texel_m;                /* of the albedo, as the detail has it */
     const uint8_t *codes; /* SV_GROUND_CODES: sRGB of (k / (SV_GROUND_CODES - 1)), and three bytes to spare */
+    const float *linear;  /* SV_GROUND_CODES: what sRGB k / (SV_GROUND_CODES - 1) is in linear light */
     /* detail */
     const uint8_t *tile;
     int32_t tile_first[SV_TERRAIN_DETAIL_LEVELS]; /* byte with which a level begins */
@@ -55,5 +56,11 @@ struct sv_ground_job {
 
 typedef void sv_ground_row(const struct sv_ground_job *job, int y);
 sv_ground_row sv_ground_row_plain, sv_ground_row_avx2;
+
+/* sv_ground_shade by one of the kernels. */
+struct sv_ground;
+struct sv_ground_view;
+void sv_ground_shade_by(const struct sv_ground *ground, const struct sv_ground_view *view, sv_ground_row *row,
+                        uint8_t *rgba);
 
 #endif
