@@ -148,3 +148,29 @@ uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, i
     fill(pages, k);
     return (uint32_t)k * TEXELS;
 }
+
+/* A body's shadow takes about this much ground; and so many of its texels may be cast. */
+static const double SHADOW_M2 = 100, TEXELS_MOST = 3e7;
+
+static int pages_across(double side_m, int level)
+{
+    return (int)fmin(ceil(side_m / (ldexp(SV_SHADOW_PAGE_TEXEL_M, level) * STEP)), 1e4);
+}
+
+int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters)
+{
+    const struct sv_heightfield *f = pages->scene.field;
+    double size_x = (f->width - 1) * f->dx, size_y = (f->height - 1) * f->dy, texels = 0;
+    int level = SV_SHADOW_PAGE_LEVELS - 1, count = 0, finest = sv_shadow_pages_finest(pages);
+    for (; level > finest; level--) {
+        int w = pages_across(size_x, level - 1), h = pages_across(size_y, level - 1);
+        texels += casters * SHADOW_M2 / pow(ldexp(SV_SHADOW_PAGE_TEXEL_M, level - 1), 2);
+        count += w * h > 1 ? w * h : 0;
+        if (count > SV_SHADOW_PAGES_WHOLE || texels > TEXELS_MOST)
+            break;
+        for (int j = 0; j < h && w * h > 1; j++)
+            for (int i = 0; i < w; i++)
+                (void)sv_shadow_pages_want(pages, level - 1, i, j);
+    }
+    return level;
+}

@@ -19,13 +19,13 @@ enum {
     SV_SHADOW_PAGE_SIDE = 128,
     SV_SHADOW_PAGE_STEP = SV_SHADOW_PAGE_SIDE - 2,
     SV_SHADOW_PAGE_LEVELS = 20,
-    SV_SHADOW_PAGES = 1536,
+    SV_SHADOW_PAGES = 2048,
     SV_SHADOW_CASTERS_MAX = 4
 };
 #define SV_SHADOW_PAGE_TEXEL_M 0.125
 /* The level for a place: the finest whose texels are at least this share of the pixel there (of the geometric mean
- * of its length and width on the ground): texels of 0.7 to 1.4 pixels. */
-#define SV_SHADOW_PAGE_TEXEL_PX 0.7
+ * of its length and width on the ground): texels of 1 to 2 pixels. */
+#define SV_SHADOW_PAGE_TEXEL_PX 1.0
 
 struct sv_shadow_pages;
 
@@ -40,7 +40,7 @@ struct sv_shadow_scene {
     uint64_t key; /* of the sun and of what casts: pages of another key are not used */
 };
 
-/* 25 MB, touched as pages are filled. SV_ENOMEM. */
+/* 34 MB, touched as pages are filled. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_shadow_pages_create(struct sv_shadow_pages **pages, struct sv_error *error);
 void sv_shadow_pages_destroy(struct sv_shadow_pages *pages); /* NULL is legal */
 
@@ -50,6 +50,12 @@ void sv_shadow_pages_use(struct sv_shadow_pages *pages, const struct sv_shadow_s
 /* Page (i, j) of a level (0 .. LEVELS - 1) of the scene in use, filled when it is not there: where its first
  * texel lies in sv_shadow_pages_light. Row 0 is the south row. Valid until SV_SHADOW_PAGES - 1 others were wanted. */
 uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, int j);
+/* Fills whole levels of the scene in use, from the coarsest of several pages down, as long as they are not too much:
+ * SV_SHADOW_PAGES_WHOLE pages in all, and casters (how many bodies cast; 0: the terrain alone) times their texels by a
+ * bound that keeps it below a second. What belongs to a sun that stays is made once, then. Returns the finest
+ * level filled. */
+enum { SV_SHADOW_PAGES_WHOLE = 1400 };
+int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters);
 /* Light of all pages, 255: all sunlight; reads of four bytes from any texel on are legal. */
 const uint8_t *sv_shadow_pages_light(const struct sv_shadow_pages *pages);
 

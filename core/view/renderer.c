@@ -117,35 +117,51 @@ static enum sv_status create_shadows(struct sv_renderer *r, struct sv_error *err
     return status;
 }
 
-/* Everything that keeps the sun of a view off the ground, ready to be asked for; *shadows: there is any. */
-static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_resolved_view *view,
-                                      const struct sv_gl_frame *frame, bool *shadows, struct sv_error *error)
+/* Everything that keeps the sun at to_sun (above the horizon) off the ground, ready to be asked for. */
+static enum sv_status use_shadows(struct sv_renderer *r, struct sv_vec3 to_sun, bool trees, struct sv_error *error)
 {
-    *shadows = false;
-    if (!view->plan.shadows || frame->light.to_sun.z <= 0) /* night: no sunlight to keep off */
-        return SV_OK;
     struct sun_shadow *sun;
-    enum sv_status status = want_sun(r, frame->light.to_sun, &sun, error);
+    enum sv_status status = want_sun(r, to_sun, &sun, error);
     if (status)
         return status;
-    struct sv_vec3 s = frame->light.to_sun;
     struct sv_shadow_scene scene = {.field = &r->scene->terrain.field, .terrain = &sun->terrain};
-    bool trees = r->shade && view->plan.draw_trees;
-    scene.key = sv_hash_u64(sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, s.x), s.y), s.z), trees);
+    trees = trees && r->shade;
+    scene.key = sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, to_sun.x), to_sun.y), to_sun.z);
+    scene.key = sv_hash_u64(scene.key, trees);
     if (trees) {
-        status = sv_tree_shade_update(r->shade, s, sv_shadow_height_at, &sun->terrain, error);
+        status = sv_tree_shade_update(r->shade, to_sun, sv_shadow_height_at, &sun->terrain, error);
         if (status)
             return status;
         scene.casters[0] = (struct sv_shadow_caster_of){sv_tree_shade_cast, r->shade};
     }
     if (r->objects) {
-        sv_object_draw_sun(r->objects, s);
+        sv_object_draw_sun(r->objects, to_sun);
         scene.casters[SV_SHADOW_CASTERS_MAX - 1] =
             (struct sv_shadow_caster_of){sv_object_draw_cast, r->objects};
     }
     sv_shadow_pages_use(r->pages, &scene);
-    *shadows = true;
     return SV_OK;
+}
+
+/* *shadows: there are any. */
+static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_resolved_view *view,
+                                      const struct sv_gl_frame *frame, bool *shadows, struct sv_error *error)
+{
+    *shadows = view->plan.shadows && frame->light.to_sun.z > 0; /* at night there is no sunlight to keep off */
+    return *shadows ? use_shadows(r, frame->light.to_sun, view->plan.draw_trees, error) : SV_OK;
+}
+
+enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error)
+{
+    struct sv_light light;
+    sv_light_from_sun(&renderer->scene->sun, &light);
+    if (!(light.to_sun.z > 0))
+        return SV_OK;
+    enum sv_status status = use_shadows(renderer, light.to_sun, true, error);
+    if (!status)
+        (void)sv_shadow_pages_fill_whole(renderer->pages,
+                                         (double)renderer->scene->forest.count + renderer->scene->object_count);
+    return status;
 }
 
 enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_renderer_options *options,

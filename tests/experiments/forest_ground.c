@@ -5,6 +5,7 @@
  *
  * What belongs to the sun is made before (its own row); every pose stands in a new place. FOLDER: pictures of
  * the ground in the shade of its trees, which are not drawn. */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -54,6 +55,14 @@ static void must(enum sv_status status, const char *what, const struct sv_error 
     exit(1);
 }
 
+static struct sv_shadow_scene scene_of(const struct bench *b)
+{
+    return (struct sv_shadow_scene){.field = &b->forest.scene->terrain.field,
+                                    .terrain = &b->height,
+                                    .casters = {{sv_tree_shade_cast, b->shade}},
+                                    .key = 1};
+}
+
 static void open_bench(struct bench *b, uint32_t trees, int size)
 {
     struct sv_error error = {0};
@@ -70,6 +79,12 @@ static void open_bench(struct bench *b, uint32_t trees, int size)
     must(sv_shadow_height_make(&b->height, &scene->terrain.field, light.to_sun, &error), "sun", &error);
     must(sv_tree_shade_update(b->shade, light.to_sun, sv_shadow_height_at, &b->height, &error), "sun", &error);
     printf("%6u trees: a sun's terrain and trees %.1f ms\n", trees, processor_ms() - since);
+    struct sv_shadow_scene casting = scene_of(b);
+    sv_shadow_pages_use(b->pages, &casting);
+    since = processor_ms();
+    int level = sv_shadow_pages_fill_whole(b->pages, trees);
+    printf("%6u trees: shadows on all of the ground, texels of %g m: %.1f ms\n", trees,
+           ldexp(SV_SHADOW_PAGE_TEXEL_M, level), processor_ms() - since);
     must(sv_gl_target_create(size, size, 1u << SV_LAYER_COLOR, &b->target, &error), "target", &error);
     must(sv_image_alloc(size, size, 4, SV_PIXEL_U8, &b->color, &error), "image", &error);
     must(sv_image_alloc(size, size, 1, SV_PIXEL_F32, &b->depth, &error), "image", &error);
@@ -107,10 +122,7 @@ static void draw(struct bench *b, const struct sv_view_request *request, int pos
     frame.camera = view.camera;
     sv_light_from_sun(&view.sun, &frame.light);
     frame.light.air = view.air;
-    struct sv_shadow_scene casting = {.field = &b->forest.scene->terrain.field,
-                                      .terrain = &b->height,
-                                      .casters = {{sv_tree_shade_cast, b->shade}},
-                                      .key = 1};
+    struct sv_shadow_scene casting = scene_of(b);
     sv_shadow_pages_use(b->pages, &casting);
     uint64_t filled = sv_shadow_pages_filled(b->pages);
     double since = processor_ms();

@@ -207,6 +207,30 @@ static void finest_level(void **state)
     sv_shadow_pages_destroy(NULL);
 }
 
+/* After whole levels were filled, none of their pages over the field has to be filled again; many casters stop it
+ * at coarser ones. */
+static void whole_levels(void **state)
+{
+    (void)state;
+    int before = -1;
+    for (double casters = 0; casters < 1e7; casters = casters * 30 + BODIES) {
+        struct sv_shadow_pages *pages = make_pages(1);
+        int level = sv_shadow_pages_fill_whole(pages, casters);
+        uint64_t filled = sv_shadow_pages_filled(pages);
+        assert_true(level >= before && filled <= SV_SHADOW_PAGES_WHOLE);
+        before = level;
+        for (int l = level; l < 8; l++) {
+            double side = SV_SHADOW_PAGE_TEXEL_M * (1 << l) * STEP;
+            int w = (int)ceil(256 / side), h = (int)ceil(320 / side);
+            for (int k = 0; k < w * h && w * h > 1; k++)
+                sv_shadow_pages_want(pages, l, k % w, k / w);
+        }
+        assert_int_equal(sv_shadow_pages_filled(pages), filled);
+        sv_shadow_pages_destroy(pages);
+    }
+    assert_true(before > 2);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -214,6 +238,7 @@ int main(void)
         cmocka_unit_test(neighbours_agree),
         cmocka_unit_test(the_least_lately_used_gives_way),
         cmocka_unit_test(finest_level),
+        cmocka_unit_test(whole_levels),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
