@@ -1,5 +1,5 @@
-/* target.c - the framebuffer object behind target.h. Renderbuffers, but for colour, which is a texture so that it can be
- * written; nobody samples it. */
+/* target.c - the framebuffer object behind target.h. Renderbuffers, but for colour, which is a texture so
+ * that it can be written; nobody samples it. */
 #include "core/gl/target.h"
 
 #include <stdlib.h>
@@ -141,16 +141,19 @@ enum sv_status sv_gl_target_read(struct sv_gl_target *target, enum sv_layer laye
     return sv_gl_check("reading a target", error);
 }
 
-enum sv_status sv_gl_target_write(struct sv_gl_target *target, const struct sv_image *color, struct sv_error *error)
+enum sv_status sv_gl_target_write(struct sv_gl_target *target, const struct sv_image *color,
+                                  struct sv_error *error)
 {
     const struct layer_format *f = &formats[SV_LAYER_COLOR];
-    if (!target->buffers[SV_LAYER_COLOR] || color->width != target->width || color->height != target->height ||
-        color->channels != f->channels || color->type != f->type)
-        return sv_fail(error, SV_EINVAL, "target", "an image of %d x %d x %d is not this framebuffer's colour",
-                       color->width, color->height, color->channels);
+    if (!target->buffers[SV_LAYER_COLOR] || color->width != target->width ||
+        color->height != target->height || color->channels != f->channels || color->type != f->type)
+        return sv_fail(error, SV_EINVAL, "target",
+                       "an image of %d x %d x %d is not this framebuffer's colour", color->width,
+                       color->height, color->channels);
     gl.ActiveTexture(GL_TEXTURE0);
     gl.BindTexture(GL_TEXTURE_2D, target->buffers[SV_LAYER_COLOR]);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, target->width, target->height, f->read_format, f->read_type, color->data);
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, target->width, target->height, f->read_format, f->read_type,
+                     color->data);
     gl.BindTexture(GL_TEXTURE_2D, 0);
     return sv_gl_check("writing a target", error);
 }

@@ -1,4 +1,5 @@
-/* detail.c - makes the tile of ground detail and applies it; the sampling half is the twin of ground_rows.inc.
+/* detail.c - makes the tile of ground detail and applies it; the sampling half is the twin of
+ * ground_rows.inc.
  *
  * The tile: periodic gradient noise (Perlin 2002) summed over octaves for tufts, hue and grit; blades are a
  * few thousand short strokes painted over each other. Each channel is high-pass filtered by leaving out the
@@ -208,7 +209,8 @@ static void sample_level(double u, double v, int level, float out[4])
     }
 }
 
-/* Mixed from two mip levels half-way between them only, so that half of all pixels read one; values about 0. */
+/* Mixed from two mip levels half-way between them only, so that half of all pixels read one; values about 0.
+ */
 static void sample_tile(double u, double v, double lod, float out[4])
 {
     float high[4];

@@ -20,8 +20,8 @@ enum sv_terrain_detail_scale { SV_DETAIL_BROAD, SV_DETAIL_COARSE, SV_DETAIL_FINE
 
 /* Periods of the scales on the ground, m. */
 extern const double sv_terrain_detail_period_m[SV_DETAIL_COUNT];
-/* What a scale does: how it is turned against the world, between which mip levels it fades out, and the share of
- * it that albedo texels of a size cannot show themselves. */
+/* What a scale does: how it is turned against the world, between which mip levels it fades out, and the share
+ * of it that albedo texels of a size cannot show themselves. */
 struct sv_terrain_detail_form {
     double cosine, sine;
     float fade_from, fade_to, share;

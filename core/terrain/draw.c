@@ -1,6 +1,6 @@
-/* draw.c - the drawing of a refined mesh (lod.h): depth, id and, where a view wants them, normals. Vertices are
- * relative to the eye; texture coordinates are affine in them with offsets formed in double, so nothing large is
- * ever narrowed. The colour is ground.c's. */
+/* draw.c - the drawing of a refined mesh (lod.h): depth, id and, where a view wants them, normals. Vertices
+ * are relative to the eye; texture coordinates are affine in them with offsets formed in double, so nothing
+ * large is ever narrowed. The colour is ground.c's. */
 #include "core/terrain/draw.h"
 
 #include <stdlib.h>
@@ -39,8 +39,10 @@ static void make_normals(struct sv_terrain_draw *draw)
     const struct sv_image *image = &draw->terrain->normal;
     gl.GenTextures(1, &draw->normals);
     gl.BindTexture(GL_TEXTURE_2D, draw->normals);
-    gl.TexStorage2D(GL_TEXTURE_2D, level_count(image->width, image->height), GL_RG8, image->width, image->height);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, image->width, image->height, GL_RG, GL_UNSIGNED_BYTE, image->data);
+    gl.TexStorage2D(GL_TEXTURE_2D, level_count(image->width, image->height), GL_RG8, image->width,
+                    image->height);
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, image->width, image->height, GL_RG, GL_UNSIGNED_BYTE,
+                     image->data);
     gl.GenerateMipmap(GL_TEXTURE_2D);
     gl.TexParameterf(GL_TEXTURE_2D, GL_TEXTURE_LOD_BIAS, -0.5f);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
@@ -84,8 +86,8 @@ enum sv_status sv_terrain_draw_create(const struct sv_terrain *terrain, struct s
     if (!status)
         status = sv_gl_program_create("terrain.vert", "terrain.frag", NULL, &made->program, error);
     if (!status)
-        status = sv_gl_program_create("terrain.vert", "terrain.frag", "#define DEPTH_ONLY 1\n", &made->depth_program,
-                                      error);
+        status = sv_gl_program_create("terrain.vert", "terrain.frag", "#define DEPTH_ONLY 1\n",
+                                      &made->depth_program, error);
     if (!status) {
         make_normals(made);
         make_buffers(made);
@@ -130,7 +132,8 @@ static void submit(const struct sv_terrain_draw *draw, const struct sv_gl_frame 
     gl.BindVertexArray(draw->vertices);
     gl.BindBuffer(GL_ARRAY_BUFFER, draw->buffers[0]);
     gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)mesh->vertex_count * 12, mesh->vertices, GL_STREAM_DRAW);
-    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)mesh->triangle_count * 12, mesh->indices, GL_STREAM_DRAW);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)mesh->triangle_count * 12, mesh->indices,
+                  GL_STREAM_DRAW);
     gl.UseProgram(depth_only ? draw->depth_program : draw->program);
     if (!depth_only)
         set_uniforms(draw->terrain, frame->camera.eye);

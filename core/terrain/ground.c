@@ -37,15 +37,17 @@ static struct tap tap_of(int k, int to, int from)
 }
 
 /* sRGB: the colours are mixed as light; else as they are. */
-static void shrink(const uint8_t *from, int from_w, int from_h, uint8_t *to, int w, int h, int channels, bool srgb)
+static void shrink(const uint8_t *from, int from_w, int from_h, uint8_t *to, int w, int h, int channels,
+                   bool srgb)
 {
     for (int j = 0; j < h; j++)
         for (int i = 0; i < w; i++) {
             struct tap x = tap_of(i, w, from_w), y = tap_of(j, h, from_h);
             for (int c = 0; c < channels; c++) {
                 float v[4];
-                const size_t at[4] = {(size_t)y.a * (size_t)from_w + (size_t)x.a, (size_t)y.a * (size_t)from_w + (size_t)x.b,
-                                      (size_t)y.b * (size_t)from_w + (size_t)x.a, (size_t)y.b * (size_t)from_w + (size_t)x.b};
+                const size_t at[4] = {
+                    (size_t)y.a * (size_t)from_w + (size_t)x.a, (size_t)y.a * (size_t)from_w + (size_t)x.b,
+                    (size_t)y.b * (size_t)from_w + (size_t)x.a, (size_t)y.b * (size_t)from_w + (size_t)x.b};
                 for (int k = 0; k < 4; k++) {
                     uint8_t code = from[at[k] * (size_t)channels + (size_t)c];
                     v[k] = srgb ? sv_linear_from_srgb8[code] : (float)code;
@@ -72,13 +74,14 @@ static const uint8_t *at_least_two(const struct sv_image *image, int *width, int
         for (int i = 0; i < *width; i++)
             memcpy(*own + ((size_t)j * (size_t)*width + (size_t)i) * bytes,
                    (const uint8_t *)image->data +
-                       ((size_t)(j % image->height) * (size_t)image->width + (size_t)(i % image->width)) * bytes,
+                       ((size_t)(j % image->height) * (size_t)image->width + (size_t)(i % image->width)) *
+                           bytes,
                    bytes);
     return *own;
 }
 
-static enum sv_status make_map(const struct sv_image *image, bool srgb, struct sv_ground_map *map, uint8_t **own_base,
-                               uint8_t **own_rest, struct sv_error *error)
+static enum sv_status make_map(const struct sv_image *image, bool srgb, struct sv_ground_map *map,
+                               uint8_t **own_base, uint8_t **own_rest, struct sv_error *error)
 {
     int w, h, channels = image->channels;
     size_t texels = 0, first[SV_GROUND_LEVELS] = {0};
@@ -93,12 +96,13 @@ static enum sv_status make_map(const struct sv_image *image, bool srgb, struct s
     }
     *own_rest = malloc(texels * (size_t)channels + 1);
     if (!map->base || !*own_rest)
-        return sv_fail(error, SV_ENOMEM, "terrain", "no memory for the mip levels of %d x %d texels", image->width,
-                       image->height);
+        return sv_fail(error, SV_ENOMEM, "terrain", "no memory for the mip levels of %d x %d texels",
+                       image->width, image->height);
     map->rest = *own_rest;
     for (int l = 1; l < map->levels; l++)
-        shrink(l == 1 ? map->base : *own_rest + first[l - 1] * (size_t)channels, map->width[l - 1], map->height[l - 1],
-               *own_rest + first[l] * (size_t)channels, map->width[l], map->height[l], channels, srgb);
+        shrink(l == 1 ? map->base : *own_rest + first[l - 1] * (size_t)channels, map->width[l - 1],
+               map->height[l - 1], *own_rest + first[l] * (size_t)channels, map->width[l], map->height[l],
+               channels, srgb);
     return SV_OK;
 }
 
@@ -138,7 +142,8 @@ static enum sv_status lay_out_tile(struct sv_ground *ground, struct sv_error *er
     return SV_OK;
 }
 
-enum sv_status sv_ground_create(const struct sv_terrain *terrain, struct sv_ground **ground, struct sv_error *error)
+enum sv_status sv_ground_create(const struct sv_terrain *terrain, struct sv_ground **ground,
+                                struct sv_error *error)
 {
     enum sv_status status = check_images(terrain, error);
     if (status)
@@ -262,8 +267,8 @@ static void set_detail(struct sv_ground_job *job, const struct sv_ground *ground
 }
 
 /* Places of the eye on each level's lattice: the page that it stands in, and where in it. */
-static void set_shadows(struct sv_ground_job *job, const struct sv_ground *ground, struct sv_shadow_pages *pages,
-                        struct sv_vec3 eye)
+static void set_shadows(struct sv_ground_job *job, const struct sv_ground *ground,
+                        struct sv_shadow_pages *pages, struct sv_vec3 eye)
 {
     const struct sv_heightfield *f = &ground->terrain->field;
     job->pages = pages;
@@ -274,7 +279,8 @@ static void set_shadows(struct sv_ground_job *job, const struct sv_ground *groun
     for (int l = 0; l < SV_SHADOW_PAGE_LEVELS; l++) {
         double side = ldexp(SV_SHADOW_PAGE_TEXEL_M, l) * SV_SHADOW_PAGE_STEP;
         /* An eye that stands very far off the field sees it in coarse levels only. */
-        double i = sv_clamp((eye.x - f->x0) / side, -1e9, 1e9), j = sv_clamp((eye.y - f->y0) / side, -1e9, 1e9);
+        double i = sv_clamp((eye.x - f->x0) / side, -1e9, 1e9),
+               j = sv_clamp((eye.y - f->y0) / side, -1e9, 1e9);
         job->page_i[l] = (int32_t)floor(i);
         job->page_j[l] = (int32_t)floor(j);
         job->page_x[l] = (float)((i - floor(i)) * SV_SHADOW_PAGE_STEP);
@@ -299,5 +305,6 @@ void sv_ground_shade_by(const struct sv_ground *ground, const struct sv_ground_v
 
 void sv_ground_shade(const struct sv_ground *ground, const struct sv_ground_view *view, uint8_t *rgba)
 {
-    sv_ground_shade_by(ground, view, sv_simd_level() >= SV_SIMD_AVX2 ? sv_ground_row_avx2 : sv_ground_row_plain, rgba);
+    sv_ground_shade_by(ground, view,
+                       sv_simd_level() >= SV_SIMD_AVX2 ? sv_ground_row_avx2 : sv_ground_row_plain, rgba);
 }

@@ -28,7 +28,8 @@ struct sv_ground_job {
     uint8_t *rgba;
     bool orthographic, sky;
     float near_m, far_m, pixel; /* pixel: its size at depth 1 (orthographic: anywhere), m */
-    float centre_x, centre_y;   /* picture position of the axis, px, less what the sample is off the pixel's centre */
+    float centre_x,
+        centre_y; /* picture position of the axis, px, less what the sample is off the pixel's centre */
     float right[3], up[3], forward[3];
     /* light */
     float to_sun[3], sun[3], sky_light[3], bounce[3], zenith[3], horizon[3], air[3];
@@ -50,7 +51,8 @@ struct sv_ground_job {
     struct sv_shadow_pages *pages;
     const uint8_t *light;
     int finest;
-    float page_x[SV_SHADOW_PAGE_LEVELS], page_y[SV_SHADOW_PAGE_LEVELS]; /* the eye, texels, from its page's corner */
+    float page_x[SV_SHADOW_PAGE_LEVELS],
+        page_y[SV_SHADOW_PAGE_LEVELS]; /* the eye, texels, from its page's corner */
     int32_t page_i[SV_SHADOW_PAGE_LEVELS], page_j[SV_SHADOW_PAGE_LEVELS];
 };
 

@@ -30,7 +30,8 @@ typedef void sv_shadow_cast_row(const struct sv_shadow_cast *cast, float s, floa
                                 const float *ground, uint8_t *light);
 sv_shadow_cast_row sv_shadow_cast_row_scalar, sv_shadow_cast_row_avx2;
 
-/* light * (255 - coverage) / 255, rounded; what is then below this is none, so that the next casters pass it over. */
+/* light * (255 - coverage) / 255, rounded; what is then below this is none, so that the next casters pass it
+ * over. */
 enum { SV_SHADOW_DARK = 3 };
 static inline uint8_t sv_shadow_darken(uint8_t light, unsigned coverage)
 {

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-
 enum { SIDE = SV_SHADOW_PAGE_SIDE, STEP = SV_SHADOW_PAGE_STEP, BUCKETS = 4096, NONE = -1 };
 enum { TEXELS = SIDE * SIDE, SPARE = 4 };
 
@@ -87,7 +86,8 @@ int sv_shadow_pages_finest(const struct sv_shadow_pages *pages)
 static int *bucket_of(struct sv_shadow_pages *pages, uint64_t key, int level, int i, int j)
 {
     uint64_t h = (uint64_t)(uint32_t)i * UINT64_C(0x9E3779B97F4A7C15) ^
-                 ((uint64_t)(uint32_t)j + ((uint64_t)(uint32_t)level << 32)) * UINT64_C(0xC2B2AE3D27D4EB4F) ^ key;
+                 ((uint64_t)(uint32_t)j + ((uint64_t)(uint32_t)level << 32)) * UINT64_C(0xC2B2AE3D27D4EB4F) ^
+                 key;
     return &pages->buckets[(h * UINT64_C(0x9E3779B97F4A7C15)) >> 52];
 }
 

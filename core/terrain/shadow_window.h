@@ -27,13 +27,14 @@ struct sv_shadow_window {
     double texel_m;
     double z0; /* world height that ground[] counts from */
     float ground_min, ground_max;
-    float *ground;  /* side * side: height of the ground at texel centres, m above z0 */
-    uint8_t *light; /* side * side: share of sunlight, 255: all */
-    float (
-        *blocks)[2]; /* (side / BLOCK) squared: lowest and highest ground of each square; NULL: not known (slower) */
+    float *ground;      /* side * side: height of the ground at texel centres, m above z0 */
+    uint8_t *light;     /* side * side: share of sunlight, 255: all */
+    float (*blocks)[2]; /* (side / BLOCK) squared: lowest and highest ground of each square; NULL: not known
+                           (slower) */
 };
 
-/* Takes the three arrays from the heap. SV_ENOMEM; SV_EINVAL for a side that is not a multiple of BLOCK, up to SIDE. */
+/* Takes the three arrays from the heap. SV_ENOMEM; SV_EINVAL for a side that is not a multiple of BLOCK, up
+ * to SIDE. */
 SV_MUST_CHECK enum sv_status sv_shadow_window_alloc(struct sv_shadow_window *window, int side,
                                                     struct sv_error *error);
 void sv_shadow_window_finish(struct sv_shadow_window *window); /* legal on a zeroed one */

@@ -1,5 +1,6 @@
-/* forest_ground.c - what a cold view costs before its trees are drawn, stage by stage, in processor time: windows of
- * shadow with every caster in them, ground, sky, read-back of colour and depth. The forest of forest_kit.h.
+/* forest_ground.c - what a cold view costs before its trees are drawn, stage by stage, in processor time:
+ * windows of shadow with every caster in them, ground, sky, read-back of colour and depth. The forest of
+ * forest_kit.h.
  *
  *   forest_ground [--counts 5000,45000] [--poses N] [--size PX] [-o FOLDER]
  *
@@ -24,7 +25,8 @@
 
 enum { POSES_MAX = 64 };
 enum stage { DEPTH, READ_DEPTH, PAGES, SHADE, WRITE, READ_COLOR, STAGES };
-static const char *const STAGE_NAMES[STAGES] = {"depth", "read depth", "shadows", "shade", "write", "read colour"};
+static const char *const STAGE_NAMES[STAGES] = {"depth", "read depth", "shadows",
+                                                "shade", "write",      "read colour"};
 static const char *const KIND_NAMES[2] = {"overview", "walk"};
 
 struct bench {
@@ -74,10 +76,12 @@ static void open_bench(struct bench *b, uint32_t trees, int size)
     must(sv_terrain_draw_create(&scene->terrain, b->forest.store, &b->terrain, &error), "terrain", &error);
     must(sv_shadow_pages_create(&b->pages, &error), "shadows", &error);
     must(sv_ground_create(&scene->terrain, &b->ground, &error), "ground", &error);
-    must(sv_tree_draw_shade_create(sv_renderer_trees(b->forest.renderer), &b->shade, &error), "shade", &error);
+    must(sv_tree_draw_shade_create(sv_renderer_trees(b->forest.renderer), &b->shade, &error), "shade",
+         &error);
     double since = processor_ms();
     must(sv_shadow_height_make(&b->height, &scene->terrain.field, light.to_sun, &error), "sun", &error);
-    must(sv_tree_shade_update(b->shade, light.to_sun, sv_shadow_height_at, &b->height, &error), "sun", &error);
+    must(sv_tree_shade_update(b->shade, light.to_sun, sv_shadow_height_at, &b->height, &error), "sun",
+         &error);
     printf("%6u trees: a sun's terrain and trees %.1f ms\n", trees, processor_ms() - since);
     struct sv_shadow_scene casting = scene_of(b);
     sv_shadow_pages_use(b->pages, &casting);
@@ -128,7 +132,8 @@ static void draw(struct bench *b, const struct sv_view_request *request, int pos
     double since = processor_ms();
     sv_gl_target_begin(b->target);
     must(sv_gl_frame_begin(&frame, &error), "frame", &error);
-    must(sv_terrain_draw(b->terrain, &frame, view.plan.terrain_error_px, true, &stats, &error), "ground", &error);
+    must(sv_terrain_draw(b->terrain, &frame, view.plan.terrain_error_px, true, &stats, &error), "ground",
+         &error);
     lap(b, pose, DEPTH, &since);
     must(sv_gl_target_read(b->target, SV_LAYER_DEPTH, &b->depth, &error), "read", &error);
     lap(b, pose, READ_DEPTH, &since);
@@ -156,18 +161,21 @@ static void run(uint32_t trees, int poses, int size, const char *folder)
     open_bench(&b, trees, size);
     for (int kind = 0; kind < 2; kind++) {
         b.triangles = b.pages_filled = 0;
-        for (int k = -1; k < poses; k++) { /* the first one makes shaders, and windows that belong to the sun */
+        for (int k = -1; k < poses;
+             k++) { /* the first one makes shaders, and windows that belong to the sun */
             struct sv_view_request r = forest_request(&b.forest, (enum forest_eye)kind, k < 0 ? poses : k);
             char path[512];
             r.width = r.height = size;
             double since = processor_ms();
             draw(&b, &r, k < 0 ? 0 : k);
             if (k < 0) {
-                printf("%6u trees, first view %.1f ms (shadows %.1f)\n", trees, processor_ms() - since, b.ms[PAGES][0]);
+                printf("%6u trees, first view %.1f ms (shadows %.1f)\n", trees, processor_ms() - since,
+                       b.ms[PAGES][0]);
                 b.triangles = b.pages_filled = 0;
                 continue;
             }
-            snprintf(path, sizeof path, "%s/ground-%u-%s-%d.png", folder ? folder : "", trees, KIND_NAMES[kind], k);
+            snprintf(path, sizeof path, "%s/ground-%u-%s-%d.png", folder ? folder : "", trees,
+                     KIND_NAMES[kind], k);
             if (folder && k < 4)
                 forest_save(&b.color, path);
         }
@@ -196,7 +204,8 @@ int main(int argc, char **argv)
             poses = 0;
     }
     if (argc % 2 == 0 || poses < 1 || poses > POSES_MAX || size < 16 || size > 4096) {
-        fprintf(stderr, "usage: forest_ground [--counts N,N,...] [--poses 1..%d] [--size 16..4096] [-o FOLDER]\n",
+        fprintf(stderr,
+                "usage: forest_ground [--counts N,N,...] [--poses 1..%d] [--size 16..4096] [-o FOLDER]\n",
                 POSES_MAX);
         return 2;
     }

@@ -1,6 +1,6 @@
-/* test_ground.c - the colour of ground and sky, pixel by pixel, against the twins that the ray-cast truth uses
- * (core/truth/terrain_shade.h, core/scene/light.h); AVX2 against the plain kernel; hidden pixels; and that every
- * pixel is lit by a page of shadow that is as fine as shadow_page.h says. */
+/* test_ground.c - the colour of ground and sky, pixel by pixel, against the twins that the ray-cast truth
+ * uses (core/truth/terrain_shade.h, core/scene/light.h); AVX2 against the plain kernel; hidden pixels; and
+ * that every pixel is lit by a page of shadow that is as fine as shadow_page.h says. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -64,8 +64,8 @@ static int tear_down(void **state)
     return 0;
 }
 
-/* A view over some place of the field, and depths that make each pixel a place of the field: the shading asks for
- * nothing else, so that the surface need not be the field's. */
+/* A view over some place of the field, and depths that make each pixel a place of the field: the shading asks
+ * for nothing else, so that the surface need not be the field's. */
 struct picture {
     struct sv_camera camera;
     struct sv_light light;
@@ -88,7 +88,8 @@ static void make_picture(struct picture *p, struct sv_rng *rng, bool orthographi
     }
     p->camera.eye = sv_vec3(f->x0 + sv_rng_range(rng, 0.4, 0.6) * (FW - 1) * f->dx,
                             f->y0 + sv_rng_range(rng, 0.4, 0.6) * (FH - 1) * f->dy, 1600);
-    sv_camera_aim(&p->camera, sv_rng_range(rng, 0, 6.28), sv_rng_range(rng, -1.5, -0.2), sv_rng_range(rng, -0.3, 0.3));
+    sv_camera_aim(&p->camera, sv_rng_range(rng, 0, 6.28), sv_rng_range(rng, -1.5, -0.2),
+                  sv_rng_range(rng, -0.3, 0.3));
     struct sv_sun sun = {sv_rng_range(rng, 0, 6.28), sv_rng_range(rng, -0.1, 1.4)};
     sv_light_from_sun(&sun, &p->light);
     p->light.air = sv_rng_range(rng, 0, 1) < 0.5;
@@ -183,7 +184,8 @@ static void near_ground_is_the_twins(void **state)
         fail_msg("worst %d codes, mean %.3f", off.worst, off.sum / (double)off.count);
 }
 
-/* Far off, a pixel is the mean of what it covers: of the twin's albedo over the footprint, in the mean of many. */
+/* Far off, a pixel is the mean of what it covers: of the twin's albedo over the footprint, in the mean of
+ * many. */
 static void far_ground_keeps_the_mean(void **state)
 {
     (void)state;
@@ -197,8 +199,8 @@ static void far_ground_keeps_the_mean(void **state)
         for (int k = 0; k < W * H; k++) {
             struct place at = place_of(&p, k);
             const struct sv_heightfield *f = &terrain.field;
-            if (p.depth[k] == 0 || at.world.x < f->x0 || at.world.x > sv_heightfield_x1(f) || at.world.y < f->y0 ||
-                at.world.y > sv_heightfield_y1(f))
+            if (p.depth[k] == 0 || at.world.x < f->x0 || at.world.x > sv_heightfield_x1(f) ||
+                at.world.y < f->y0 || at.world.y > sv_heightfield_y1(f))
                 continue;
             float albedo[3], rgb[3];
             struct sv_vec3 n;
@@ -284,9 +286,9 @@ static void mark(void *context, struct sv_shadow_window *window)
     memset(window->light, 10 * level + 5, (size_t)window->side * (size_t)window->side);
 }
 
-/* Black ground but for sunlight: the red of a pixel tells the page that lit it. The rule, brute force: texels are at
- * least SV_SHADOW_PAGE_TEXEL_PX of the pixel's geometric mean on the ground, and less than twice that, or the
- * finest that there is. */
+/* Black ground but for sunlight: the red of a pixel tells the page that lit it. The rule, brute force: texels
+ * are at least SV_SHADOW_PAGE_TEXEL_PX of the pixel's geometric mean on the ground, and less than twice that,
+ * or the finest that there is. */
 static void pages_are_as_fine_as_the_rule(void **state)
 {
     (void)state;
@@ -342,7 +344,8 @@ static void note(void *context, struct sv_shadow_window *window)
     (void)context;
     double w = window->side * window->texel_m;
     seen_count++;
-    assert_true(seen_x >= window->x0 && seen_x <= window->x0 + w && seen_y >= window->y0 && seen_y <= window->y0 + w);
+    assert_true(seen_x >= window->x0 && seen_x <= window->x0 + w && seen_y >= window->y0 &&
+                seen_y <= window->y0 + w);
 }
 
 static void what_is_not_seen_is_not_cast(void **state)

@@ -1,5 +1,5 @@
-/* test_shadow_page.c - pages of shadow: what is in them against a window of its own there, that neighbours agree on
- * what both hold, which are kept, and that nothing depends on what was asked for before. */
+/* test_shadow_page.c - pages of shadow: what is in them against a window of its own there, that neighbours
+ * agree on what both hold, which are kept, and that nothing depends on what was asked for before. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -120,7 +120,8 @@ static void pages_are_windows(void **state)
             for (int b = 0; b < SIDE; b++)
                 for (int a = 0; a < SIDE; a++) {
                     int got = light[b * SIDE + a],
-                        want = w.light[(size_t)(b + 3 * SIDE / 2) * (size_t)w.side + (size_t)(a + 3 * SIDE / 2)];
+                        want =
+                            w.light[(size_t)(b + 3 * SIDE / 2) * (size_t)w.side + (size_t)(a + 3 * SIDE / 2)];
                     /* Floats count from the page's corner: a grey level, or at the shadow's end a texel. */
                     off += abs(got - want) > 2;
                     shaded += want < 200;
@@ -143,12 +144,14 @@ static void neighbours_agree(void **state)
     long off = 0, all = 0;
     for (int level = 0; level < 3; level++)
         for (int k = 0; k < 3; k++) {
-            uint32_t here = sv_shadow_pages_want(pages, level, k, 1), east = sv_shadow_pages_want(pages, level, k + 1, 1),
+            uint32_t here = sv_shadow_pages_want(pages, level, k, 1),
+                     east = sv_shadow_pages_want(pages, level, k + 1, 1),
                      north = sv_shadow_pages_want(pages, level, k, 2);
             for (int a = 0; a < SIDE; a++)
                 for (int edge = 0; edge < 2; edge++, all += 2) {
                     off += abs(light[here + a * SIDE + SIDE - 2 + edge] - light[east + a * SIDE + edge]) > 2;
-                    off += abs(light[here + (SIDE - 2 + edge) * SIDE + a] - light[north + edge * SIDE + a]) > 2;
+                    off +=
+                        abs(light[here + (SIDE - 2 + edge) * SIDE + a] - light[north + edge * SIDE + a]) > 2;
                 }
         }
     if (off > all / 500)
@@ -156,8 +159,8 @@ static void neighbours_agree(void **state)
     sv_shadow_pages_destroy(pages);
 }
 
-/* A page is filled once while it is wanted; another key, level or place is another page; after SV_SHADOW_PAGES
- * others the one that was wanted longest ago is gone, and comes back with the same bytes. */
+/* A page is filled once while it is wanted; another key, level or place is another page; after
+ * SV_SHADOW_PAGES others the one that was wanted longest ago is gone, and comes back with the same bytes. */
 static void the_least_lately_used_gives_way(void **state)
 {
     (void)state;
@@ -207,8 +210,8 @@ static void finest_level(void **state)
     sv_shadow_pages_destroy(NULL);
 }
 
-/* After whole levels were filled, none of their pages over the field has to be filled again; many casters stop it
- * at coarser ones. */
+/* After whole levels were filled, none of their pages over the field has to be filled again; many casters
+ * stop it at coarser ones. */
 static void whole_levels(void **state)
 {
     (void)state;
