@@ -31,11 +31,16 @@ static void die(const char *what, const struct sv_error *error)
     exit(1);
 }
 
-double forest_now_ms(void)
+static double clock_ms(clockid_t id)
 {
     struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
+    clock_gettime(id, &t);
     return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+double forest_now_ms(void)
+{
+    return clock_ms(CLOCK_MONOTONIC);
 }
 
 static int ascending(const void *a, const void *b)
@@ -134,11 +139,11 @@ static void resolve(const struct forest *forest, const struct sv_view_request *r
 }
 
 void forest_draw(const struct forest *forest, const struct sv_view_request *request, struct sv_picture *picture,
-                 struct sv_draw_stats *stats, double *ms)
+                 struct sv_draw_stats *stats, double *ms, double *cpu_ms)
 {
     struct sv_error error = {0};
     struct sv_resolved_view view;
-    double since = forest_now_ms();
+    double since = forest_now_ms(), cpu_since = clock_ms(CLOCK_PROCESS_CPUTIME_ID);
     resolve(forest, request, &view);
     struct sv_timings timings;
     for (int k = 0; k < SV_STAGE_COUNT; k++)
@@ -147,6 +152,8 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
         die("draw", &error);
     if (ms)
         *ms = forest_now_ms() - since;
+    if (cpu_ms)
+        *cpu_ms = clock_ms(CLOCK_PROCESS_CPUTIME_ID) - cpu_since;
 }
 
 void forest_truth(const struct forest *forest, const struct sv_view_request *request, struct sv_image *color)
@@ -173,7 +180,7 @@ void forest_truth(const struct forest *forest, const struct sv_view_request *req
     }
     sv_image_free(color);
     struct sv_picture picture;
-    forest_draw(forest, &r, &picture, NULL, NULL);
+    forest_draw(forest, &r, &picture, NULL, NULL, NULL);
     *color = picture.layer[SV_LAYER_COLOR];
     sv_store_put(forest->store, "truth64", key, color->data, size, &error);
 }

@@ -26,9 +26,10 @@ void forest_close(struct forest *forest);
  * among the trees, never inside of a stem. Same eyes for every count. */
 struct sv_view_request forest_request(const struct forest *forest, enum forest_eye kind, int k);
 
-/* Draws into fresh images; ms is the renderer's time without encoding (may be NULL). */
+/* Draws into fresh images; encoding left out; ms and cpu_ms (may be NULL): by the
+ * wall's clock and by the processor's, which others on the machine disturb less. */
 void forest_draw(const struct forest *forest, const struct sv_view_request *request, struct sv_picture *picture,
-                 struct sv_draw_stats *stats, double *ms);
+                 struct sv_draw_stats *stats, double *ms, double *cpu_ms);
 /* The colour of 64 samples a pixel, ray cast; kept in the store by scene, camera and sun. */
 void forest_truth(const struct forest *forest, const struct sv_view_request *request, struct sv_image *color);
 /* Errors of a colour picture against a truth. */
