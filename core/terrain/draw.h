@@ -3,9 +3,9 @@
  * are true bounds: the largest vertical distance between the triangle drawn and the full-detail surface below
  * it (computed once, kept on disk).
  *
- * Colour: albedo with mip levels, smooth normals from a texture at sample resolution, the ground's detail
- * (detail.h), light.glsl. Depth test on, nothing blended; triangles come from near to far. Where the field
- * ends there is nothing. */
+ * Drawn are depth, ids and normals; what colour the ground has is decided for the pixels that see it
+ * (ground.h). Depth test on, nothing blended; triangles come from near to far. Where the field ends there is
+ * nothing. */
 #ifndef SV_TERRAIN_DRAW_H
 #define SV_TERRAIN_DRAW_H
 
@@ -20,19 +20,17 @@ struct sv_terrain_draw_stats {
     double max_error_px; /* largest projected error left in what was drawn */
 };
 
-/* Builds errors (from the store when there) and textures; needs a current context (context.h). Borrows
- * terrain for life. store may be NULL. Memory: lod.h, plus the textures: 5.4 bytes an albedo texel, 2.7 a
- * sample. SV_EINVAL when the terrain has no albedo or normals (coloring.h). */
+/* Builds errors (from the store when there) and the texture of normals; needs a current context (context.h).
+ * Borrows terrain for life. store may be NULL. Memory: lod.h, plus 2.7 bytes a sample. SV_EINVAL when the
+ * terrain has no normals (coloring.h). */
 SV_MUST_CHECK enum sv_status sv_terrain_draw_create(const struct sv_terrain *terrain, struct sv_store *store,
                                                     struct sv_terrain_draw **draw, struct sv_error *error);
 void sv_terrain_draw_destroy(struct sv_terrain_draw *draw);
 /* Draws into the bound target, for the frame whose sv_gl_frame_begin was called last. error_px: allowed
- * screen-space error; 0 draws full detail. stats may be NULL. Errors as sv_terrain_lod_refine. */
+ * screen-space error; 0 draws full detail. depth_only: neither ids nor normals. Colour is left as it is.
+ * stats may be NULL. Errors as sv_terrain_lod_refine. */
 SV_MUST_CHECK enum sv_status sv_terrain_draw(struct sv_terrain_draw *draw, const struct sv_gl_frame *frame,
-                                             double error_px, struct sv_terrain_draw_stats *stats,
-                                             struct sv_error *error);
-
-/* The sky behind everything (where depth is still 0); writes colour only. Call last. */
-SV_MUST_CHECK enum sv_status sv_sky_draw(const struct sv_gl_frame *frame, struct sv_error *error);
+                                             double error_px, bool depth_only,
+                                             struct sv_terrain_draw_stats *stats, struct sv_error *error);
 
 #endif

@@ -14,7 +14,7 @@
 #include "core/terrain/shadow_window.h"
 
 enum { STEPS_MAX = 1000 };
-enum { SIDE = SV_SHADOW_WINDOW_SIDE, BLOCK = SV_SHADOW_WINDOW_BLOCK, BLOCKS = SV_SHADOW_WINDOW_BLOCKS };
+enum { BLOCK = SV_SHADOW_WINDOW_BLOCK };
 
 /* sin of a quarter of a degree: flatter light is next to nothing (light.c), and its shadows are endless. */
 static const double FLATTEST = 0.00436;
@@ -164,7 +164,7 @@ static bool track_of(struct job *job, double low, double high, double *from, dou
     *from = (job->bottom - high) / job->drop;
     *to = (job->top - low) / job->drop;
     *from = fmax(*from, job->along0);
-    double side = job->window->texel_m * SIDE + job->aside;
+    double side = job->window->texel_m * job->window->side + job->aside;
     clip_linear(job->place_x, job->dir_x, -job->aside, side, from, to);
     clip_linear(job->place_y, job->dir_y, -job->aside, side, from, to);
     return *to > *from;
@@ -184,21 +184,22 @@ static struct span track_box(const struct job *job, double from, double to)
                          fmax(ay, by) + wide_y};
 }
 
-static int clamp_block(double v)
+static int clamp_block(double v, int blocks)
 {
-    return v > 0 ? v < BLOCKS - 1 ? (int)v : BLOCKS - 1 : 0;
+    return v > 0 ? v < blocks - 1 ? (int)v : blocks - 1 : 0;
 }
 
 static void ground_range(const struct sv_shadow_window *w, struct span box, float range[2])
 {
+    int blocks = w->side / BLOCK;
     double per_m = 1 / (w->texel_m * BLOCK);
-    int i0 = clamp_block(box.x0 * per_m), i1 = clamp_block(box.x1 * per_m);
-    int j0 = clamp_block(box.y0 * per_m), j1 = clamp_block(box.y1 * per_m);
+    int i0 = clamp_block(box.x0 * per_m, blocks), i1 = clamp_block(box.x1 * per_m, blocks);
+    int j0 = clamp_block(box.y0 * per_m, blocks), j1 = clamp_block(box.y1 * per_m, blocks);
     range[0] = INFINITY;
     range[1] = -INFINITY;
     for (int j = j0; j <= j1; j++)
         for (int i = i0; i <= i1; i++) {
-            const float *b = w->blocks[j * BLOCKS + i];
+            const float *b = w->blocks[j * blocks + i];
             range[0] = b[0] < range[0] ? b[0] : range[0];
             range[1] = b[1] > range[1] ? b[1] : range[1];
         }
@@ -206,7 +207,7 @@ static void ground_range(const struct sv_shadow_window *w, struct span box, floa
 
 static bool outside(const struct sv_shadow_window *w, struct span box)
 {
-    double side = w->texel_m * SIDE;
+    double side = w->texel_m * w->side;
     return !(box.x0 < side && box.y0 < side && box.x1 > 0 && box.y1 > 0);
 }
 
@@ -276,8 +277,8 @@ static void cast_rows(const struct job *job, double from, double to)
     double m = w->texel_m;
     struct span box = track_box(job, from, to);
     double slack = 0.5 + (double)fabsf(job->cast.offset_s[0]);
-    int j0 = (int)fmax(0, floor(box.y0 / m - 0.5)), j1 = (int)fmin(SIDE - 1, ceil(box.y1 / m));
-    double low_i = fmax(0, floor(box.x0 / m - 0.5)), high_i = fmin(SIDE - 1, ceil(box.x1 / m));
+    int j0 = (int)fmax(0, floor(box.y0 / m - 0.5)), j1 = (int)fmin(w->side - 1, ceil(box.y1 / m));
+    double low_i = fmax(0, floor(box.x0 / m - 0.5)), high_i = fmin(w->side - 1, ceil(box.x1 / m));
     sv_shadow_cast_row *row =
         sv_simd_level() >= SV_SIMD_AVX2 ? sv_shadow_cast_row_avx2 : sv_shadow_cast_row_scalar;
     double tilt0 = fmin(job->s.z * (double)w->ground_min, job->s.z * (double)w->ground_max);
@@ -299,11 +300,11 @@ static void cast_rows(const struct job *job, double from, double to)
             continue;
         /* Whole vectors: what is added lies beside the outline, or a few texels behind where its shadow ends.
          */
-        count = (count + 7) / 8 * 8 < SIDE - i0 ? (count + 7) / 8 * 8 : SIDE - i0;
+        count = (count + 7) / 8 * 8 < w->side - i0 ? (count + 7) / 8 * 8 : w->side - i0;
         double x = (i0 + 0.5) * m, y = (j + 0.5) * m;
         float s = (float)form_at(fs, x, y, 0), t = (float)form_at(ft, x, y, 0),
               d = (float)form_at(fd, x, y, 0);
-        size_t at = (size_t)j * SIDE + (size_t)i0;
+        size_t at = (size_t)j * (size_t)w->side + (size_t)i0;
         row(&job->cast, s, t, d, count, w->ground + at, w->light + at);
     }
 }

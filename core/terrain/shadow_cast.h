@@ -30,11 +30,14 @@ typedef void sv_shadow_cast_row(const struct sv_shadow_cast *cast, float s, floa
                                 const float *ground, uint8_t *light);
 sv_shadow_cast_row sv_shadow_cast_row_scalar, sv_shadow_cast_row_avx2;
 
-/* light * (255 - coverage) / 255, rounded. */
+/* light * (255 - coverage) / 255, rounded; what is then below this is none, so that the next casters pass it
+ * over. */
+enum { SV_SHADOW_DARK = 3 };
 static inline uint8_t sv_shadow_darken(uint8_t light, unsigned coverage)
 {
     unsigned x = light * (255u - coverage) + 128u;
-    return (uint8_t)((x + (x >> 8)) >> 8);
+    x = (x + (x >> 8)) >> 8;
+    return (uint8_t)(coverage > 0 && x < SV_SHADOW_DARK ? 0 : x);
 }
 
 /* Coverage * 255 at (s, t), bilinear, nothing beyond the border, as a float; and the mean of the samples. */

@@ -88,6 +88,8 @@ static inline void darken8(uint8_t *light, __m256i cover)
     x = _mm256_mullo_epi32(x, _mm256_sub_epi32(_mm256_set1_epi32(255), cover));
     x = _mm256_add_epi32(x, _mm256_set1_epi32(128));
     x = _mm256_srli_epi32(_mm256_add_epi32(x, _mm256_srli_epi32(x, 8)), 8);
+    __m256i kept = _mm256_cmpgt_epi32(x, _mm256_set1_epi32(SV_SHADOW_DARK - 1));
+    x = _mm256_and_si256(x, _mm256_or_si256(kept, _mm256_cmpeq_epi32(cover, _mm256_setzero_si256())));
     __m128i half = _mm_packus_epi32(_mm256_castsi256_si128(x), _mm256_extracti128_si256(x, 1));
     _mm_storel_epi64((__m128i *)(void *)light, _mm_packus_epi16(half, half));
 }

@@ -1,4 +1,4 @@
-/* shadow_window.c - the ground under a window, the terrain's shadow on it, and its seam to the next one.
+/* shadow_window.c - the ground under a window, and the terrain's shadow on it.
  *
  * Both are piecewise simple along a row: within one cell of the field the surface is two straight lines that
  * meet on the diagonal, within one cell of the shadow map the margins are straight; so a row is a few lines
@@ -10,15 +10,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDE = SV_SHADOW_WINDOW_SIDE, BLOCK = SV_SHADOW_WINDOW_BLOCK, BLOCKS = SV_SHADOW_WINDOW_BLOCKS };
-enum { RING = SIDE / 10 };
+enum { SIDE_MAX = SV_SHADOW_WINDOW_SIDE, BLOCK = SV_SHADOW_WINDOW_BLOCK };
 
-enum sv_status sv_shadow_window_alloc(struct sv_shadow_window *window, struct sv_error *error)
+enum sv_status sv_shadow_window_alloc(struct sv_shadow_window *window, int side, struct sv_error *error)
 {
-    struct sv_shadow_window w = {.texel_m = 1};
-    w.ground = malloc((size_t)SIDE * SIDE * sizeof *w.ground);
-    w.light = malloc((size_t)SIDE * SIDE);
-    w.blocks = malloc((size_t)BLOCKS * BLOCKS * sizeof *w.blocks);
+    struct sv_shadow_window w = {.side = side, .texel_m = 1};
+    if (side < BLOCK || side > SIDE_MAX || side % BLOCK != 0)
+        return sv_fail(error, SV_EINVAL, "side", "%d texels a side are no window of shadows", side);
+    size_t texels = (size_t)side * (size_t)side;
+    w.ground = malloc(texels * sizeof *w.ground);
+    w.light = malloc(texels);
+    w.blocks = malloc(texels / (BLOCK * BLOCK) * sizeof *w.blocks);
     if (!w.ground || !w.light || !w.blocks) {
         sv_shadow_window_finish(&w);
         return sv_fail(error, SV_ENOMEM, NULL, "no memory for a window of shadows");
@@ -45,8 +47,8 @@ struct run {
 
 struct columns {
     int run_count;
-    struct run runs[SIDE];
-    float u[SIDE]; /* place in the cell, 0 .. 1 */
+    struct run runs[SIDE_MAX];
+    float u[SIDE_MAX]; /* place in the cell, 0 .. 1 */
 };
 
 /* Grid coordinate of a texel centre; a grid of one sample has cells of no width. */
@@ -60,12 +62,12 @@ static int cell_of(double at, int samples)
     return at < samples - 1 ? (int)at : samples > 1 ? samples - 2 : 0;
 }
 
-static void cut_columns(struct columns *c, double x0, double texel_m, double from, double spacing,
+static void cut_columns(struct columns *c, const struct sv_shadow_window *w, double from, double spacing,
                         int samples)
 {
     c->run_count = 0;
-    for (int i = 0; i < SIDE; i++) {
-        double at = grid_at(x0, texel_m, i, from, spacing, samples);
+    for (int i = 0; i < w->side; i++) {
+        double at = grid_at(w->x0, w->texel_m, i, from, spacing, samples);
         int cell = cell_of(at, samples);
         c->u[i] = (float)(at - cell);
         if (c->run_count == 0 || c->runs[c->run_count - 1].cell != cell)
@@ -102,13 +104,14 @@ static void measure_blocks(struct sv_shadow_window *w)
 {
     w->ground_min = INFINITY;
     w->ground_max = -INFINITY;
-    for (int bj = 0; bj < BLOCKS; bj++)
-        for (int bi = 0; bi < BLOCKS; bi++) {
+    int side = w->side, blocks = side / BLOCK;
+    for (int bj = 0; bj < blocks; bj++)
+        for (int bi = 0; bi < blocks; bi++) {
             float low[8], high[8];
-            const float *g = w->ground + (size_t)bj * BLOCK * SIDE + (size_t)bi * BLOCK;
+            const float *g = w->ground + (size_t)bj * BLOCK * (size_t)side + (size_t)bi * BLOCK;
             for (int k = 0; k < 8; k++)
                 low[k] = high[k] = g[k];
-            for (int j = 0; j < BLOCK; j++, g += SIDE)
+            for (int j = 0; j < BLOCK; j++, g += side)
                 for (int i = 0; i < BLOCK; i += 8)
                     for (int k = 0; k < 8; k++) {
                         low[k] = g[i + k] < low[k] ? g[i + k] : low[k];
@@ -118,8 +121,8 @@ static void measure_blocks(struct sv_shadow_window *w)
                 low[0] = low[k] < low[0] ? low[k] : low[0];
                 high[0] = high[k] > high[0] ? high[k] : high[0];
             }
-            w->blocks[bj * BLOCKS + bi][0] = low[0];
-            w->blocks[bj * BLOCKS + bi][1] = high[0];
+            w->blocks[bj * blocks + bi][0] = low[0];
+            w->blocks[bj * blocks + bi][1] = high[0];
             w->ground_min = low[0] < w->ground_min ? low[0] : w->ground_min;
             w->ground_max = high[0] > w->ground_max ? high[0] : w->ground_max;
         }
@@ -172,24 +175,24 @@ static void light_row(const struct columns *c, const struct margins *m, float so
 
 static void terrain_light(struct sv_shadow_window *w, const struct sv_shadow_height *map)
 {
-    memset(w->light, 255, (size_t)SIDE * SIDE);
+    memset(w->light, 255, (size_t)w->side * (size_t)w->side);
     /* One column more than the map has, so that a map of one sample has a cell. */
     float *rows = malloc(2 * ((size_t)map->width + 1) * sizeof *rows);
     struct columns *c = malloc(sizeof *c);
     if (rows && c) {
         struct margins m = {rows, rows + map->width + 1};
         float soft_m = (float)sv_shadow_height_soft_m(map, w->texel_m);
-        cut_columns(c, w->x0, w->texel_m, map->x0, map->dx, map->width);
+        cut_columns(c, w, map->x0, map->dx, map->width);
         int first = c->runs[0].cell, last = c->runs[c->run_count - 1].cell + 1;
         int have = last < map->width ? last : map->width - 1;
-        for (int j = 0; j < SIDE; j++) {
+        for (int j = 0; j < w->side; j++) {
             double gj = grid_at(w->y0, w->texel_m, j, map->y0, map->dy, map->height);
             margin_row(map, gj, first, have, &m);
             for (int i = have + 1; i <= last; i++) {
                 m.full[i] = m.full[have];
                 m.none[i] = m.none[have];
             }
-            light_row(c, &m, soft_m, w->light + (size_t)j * SIDE);
+            light_row(c, &m, soft_m, w->light + (size_t)j * (size_t)w->side);
         }
     }
     free(rows);
@@ -204,57 +207,13 @@ void sv_shadow_window_fill(struct sv_shadow_window *w, const struct sv_heightfie
     w->y0 = place.y0;
     w->texel_m = place.texel_m;
     w->z0 = field->z0;
-    cut_columns(&c, w->x0, w->texel_m, field->x0, field->dx, field->width);
-    for (int j = 0; j < SIDE; j++)
+    cut_columns(&c, w, field->x0, field->dx, field->width);
+    for (int j = 0; j < w->side; j++)
         ground_row(field, &c, grid_at(w->y0, w->texel_m, j, field->y0, field->dy, field->height),
-                   w->ground + (size_t)j * SIDE);
+                   w->ground + (size_t)j * (size_t)w->side);
     measure_blocks(w);
     if (terrain)
         terrain_light(w, terrain);
     else
-        memset(w->light, 255, (size_t)SIDE * SIDE);
-}
-
-/* ---- the seam ---- */
-
-/* Share of the window's own light at a texel this far from its border. */
-static float own_share(int from_border)
-{
-    float t = ((float)from_border - 4) / (float)(RING - 4); /* the last texels are the coarser one's */
-    t = t < 0 ? 0 : t > 1 ? 1 : t;
-    return t * t * (3 - 2 * t);
-}
-
-static void blend_span(struct sv_shadow_window *w, int j, int first, int end, const uint8_t *coarser,
-                       const struct sv_shadow_place *at)
-{
-    double ratio = w->texel_m / at->texel_m;
-    double t = sv_clamp((w->y0 - at->y0) / at->texel_m + (j + 0.5) * ratio - 0.5, 0, SIDE - 1.001);
-    double s = (w->x0 - at->x0) / at->texel_m + (first + 0.5) * ratio - 0.5;
-    int row = (int)t, near_j = j < SIDE - 1 - j ? j : SIDE - 1 - j;
-    float v = (float)(t - row);
-    const uint8_t *p = coarser + (size_t)row * SIDE, *q = p + SIDE;
-    uint8_t *out = w->light + (size_t)j * SIDE;
-    for (int i = first; i < end; i++, s += ratio) {
-        double held = sv_clamp(s, 0, SIDE - 1.001);
-        int column = (int)held, near_i = i < SIDE - 1 - i ? i : SIDE - 1 - i;
-        float u = (float)(held - column), own = own_share(near_i < near_j ? near_i : near_j);
-        float low = (float)p[column] + (float)(p[column + 1] - p[column]) * u;
-        float high = (float)q[column] + (float)(q[column + 1] - q[column]) * u;
-        float other = low + (high - low) * v;
-        out[i] = (uint8_t)(other + ((float)out[i] - other) * own + 0.5f);
-    }
-}
-
-void sv_shadow_window_blend(struct sv_shadow_window *window, const uint8_t *coarser,
-                            struct sv_shadow_place coarser_place)
-{
-    for (int j = 0; j < SIDE; j++) {
-        if (j < RING || j >= SIDE - RING) {
-            blend_span(window, j, 0, SIDE, coarser, &coarser_place);
-            continue;
-        }
-        blend_span(window, j, 0, RING, coarser, &coarser_place);
-        blend_span(window, j, SIDE - RING, SIDE, coarser, &coarser_place);
-    }
+        memset(w->light, 255, (size_t)w->side * (size_t)w->side);
 }

@@ -1,14 +1,12 @@
-/* shadow_window.h - direct sunlight that arrives at the ground, on square grids about the eye, coarser with
- * distance.
+/* shadow_window.h - direct sunlight that arrives at the ground, on a square grid.
  *
  * A window is one grid: for each texel the share of sunlight left after the terrain's own shadow
  * (shadow_height.h) and after the silhouettes (core/relief/silhouette.h) of trees and objects, each projected
  * along the light onto the ground AT ITS TRUE HEIGHT there (the height hand-over of design.md section 5;
- * paper 1, 3.3.2 would take a plane). The terrain's shader reads the finest window that holds a place; mip
- * levels make it smooth far away. Row 0 is the south row. No GL here (draw_shadow.h), no choice of windows.
+ * paper 1, 3.3.2 would take a plane). Row 0 is the south row. Which windows there are: shadow_page.h.
  *
  * Flow: sv_shadow_window_alloc once; then for each window sv_shadow_window_fill (ground and terrain's
- * shadow), the casters' sv_shadow_window_cast, and sv_shadow_window_blend towards the next coarser one. */
+ * shadow) and the casters' sv_shadow_window_cast. */
 #ifndef SV_TERRAIN_SHADOW_WINDOW_H
 #define SV_TERRAIN_SHADOW_WINDOW_H
 
@@ -20,22 +18,25 @@
 #include "core/terrain/shadow_height.h"
 #include "core/view/camera.h"
 
-/* SIDE texels a side; BLOCK texels a side of the squares whose lowest and highest ground is known. */
-enum { SV_SHADOW_WINDOW_SIDE = 1024, SV_SHADOW_WINDOW_BLOCK = 32, SV_SHADOW_WINDOW_BLOCKS = 32 };
+/* Most texels a side; texels a side of the squares whose lowest and highest ground is known. */
+enum { SV_SHADOW_WINDOW_SIDE = 1024, SV_SHADOW_WINDOW_BLOCK = 32 };
 
 struct sv_shadow_window {
+    int side;      /* texels a side, a multiple of BLOCK */
     double x0, y0; /* world place of the south-west corner of texel (0, 0) */
     double texel_m;
     double z0; /* world height that ground[] counts from */
     float ground_min, ground_max;
-    float *ground;  /* SIDE * SIDE: height of the ground at texel centres, m above z0 */
-    uint8_t *light; /* SIDE * SIDE: share of sunlight, 255: all */
-    float (
-        *blocks)[2]; /* BLOCKS * BLOCKS: lowest and highest ground of each square; NULL: not known (slower) */
+    float *ground;      /* side * side: height of the ground at texel centres, m above z0 */
+    uint8_t *light;     /* side * side: share of sunlight, 255: all */
+    float (*blocks)[2]; /* (side / BLOCK) squared: lowest and highest ground of each square; NULL: not known
+                           (slower) */
 };
 
-/* Takes the three arrays from the heap. SV_ENOMEM. */
-SV_MUST_CHECK enum sv_status sv_shadow_window_alloc(struct sv_shadow_window *window, struct sv_error *error);
+/* Takes the three arrays from the heap. SV_ENOMEM; SV_EINVAL for a side that is not a multiple of BLOCK, up
+ * to SIDE. */
+SV_MUST_CHECK enum sv_status sv_shadow_window_alloc(struct sv_shadow_window *window, int side,
+                                                    struct sv_error *error);
 void sv_shadow_window_finish(struct sv_shadow_window *window); /* legal on a zeroed one */
 
 /* Where a window lies: south-west corner of its texel (0, 0), and texel. */
@@ -49,36 +50,6 @@ struct sv_shadow_place {
  * the same field, or NULL: all light. About 2 ns a texel. */
 void sv_shadow_window_fill(struct sv_shadow_window *window, const struct sv_heightfield *field,
                            const struct sv_shadow_height *terrain, struct sv_shadow_place place);
-
-/* Fades the outer tenth of a window into the coarser one that lies around it (its SIDE * SIDE light), so that
- * at the border both are the same and nobody has to look at two. */
-void sv_shadow_window_blend(struct sv_shadow_window *window, const uint8_t *coarser,
-                            struct sv_shadow_place coarser_place);
-
-enum { SV_SHADOW_LEVELS_MAX = 6, SV_SHADOW_OUTER_RATIO = 4 };
-
-/* A choice of windows for a view, the finest first; count 0: the view does not see the field. */
-struct sv_shadow_layout {
-    int count;
-    struct sv_shadow_place place[SV_SHADOW_LEVELS_MAX];
-    bool outer; /* pixels may be so large that the last one is wanted in a coarser form, too */
-};
-
-/* The square about a window whose texels are SV_SHADOW_OUTER_RATIO times as large. */
-static inline struct sv_shadow_place sv_shadow_outer(struct sv_shadow_place p)
-{
-    double more = 0.5 * (SV_SHADOW_OUTER_RATIO - 1) * SV_SHADOW_WINDOW_SIDE * p.texel_m;
-    return (struct sv_shadow_place){p.x0 - more, p.y0 - more, SV_SHADOW_OUTER_RATIO * p.texel_m};
-}
-
-/* Perspective: texels of 0.125 m, 0.5 m, 2 m, ... as far as the field is not covered, then one over all of
- * it. A window of side W stands W / 4 ahead of the eye, snapped to W / 8, so that it stays while the eye
- * moves a little; windows that the view does not see, or whose texels are far below its pixels, are left out.
- * finest_m: no smaller texel is of use (> 0). Orthographic: the one window of the smallest power of two that
- * covers what the picture sees. The same camera always gets the same windows, and a window's place and
- * content depend on the ladder alone, not on where the eye was before. */
-void sv_shadow_layout_choose(const struct sv_heightfield *field, const struct sv_camera *camera,
-                             double finest_m, struct sv_shadow_layout *layout);
 
 /* Multiplies light by (1 - coverage) where the silhouette of a body at `place` (world) falls on the window's
  * ground; bilinear in the silhouette, box-filtered when its texels are finer than the window's (up to 4 x 4

@@ -82,17 +82,17 @@ static int level_for(const struct sv_shade_outline *o, double height_m, double t
 
 static float ground_at(const struct sv_shadow_window *w, double x, double y)
 {
-    int i = (int)sv_clamp(x / w->texel_m, 0, SV_SHADOW_WINDOW_SIDE - 1),
-        j = (int)sv_clamp(y / w->texel_m, 0, SV_SHADOW_WINDOW_SIDE - 1);
-    return w->ground[(size_t)j * SV_SHADOW_WINDOW_SIDE + (size_t)i];
+    int i = (int)sv_clamp(x / w->texel_m, 0, w->side - 1),
+        j = (int)sv_clamp(y / w->texel_m, 0, w->side - 1);
+    return w->ground[(size_t)j * (size_t)w->side + (size_t)i];
 }
 
 /* Rounds up or down by chance (of a hash, so always the same), or small trees would leave no shade at all. */
 static void darken(struct sv_shadow_window *w, int i, int j, double share, uint64_t seed)
 {
-    if (i < 0 || j < 0 || i >= SV_SHADOW_WINDOW_SIDE || j >= SV_SHADOW_WINDOW_SIDE)
+    if (i < 0 || j < 0 || i >= w->side || j >= w->side)
         return;
-    uint8_t *light = &w->light[(size_t)j * SV_SHADOW_WINDOW_SIDE + (size_t)i];
+    uint8_t *light = &w->light[(size_t)j * (size_t)w->side + (size_t)i];
     double chance =
         (double)(sv_mix64(seed ^ (uint64_t)(j & 1) << 62 ^ (uint64_t)(i & 1) << 63) >> 11) * 0x1p-53;
     *light = (uint8_t)((double)*light * (1 - fmin(share, 1)) + chance);
@@ -110,7 +110,7 @@ static void stamp(const struct casting *c, struct sv_vec3 p, double area_m2, uin
         y = p.y + c->slope_y * drop;
     }
     double u = x / w->texel_m - 0.5, v = y / w->texel_m - 0.5;
-    if (!(u > -1 && v > -1 && u < SV_SHADOW_WINDOW_SIDE && v < SV_SHADOW_WINDOW_SIDE))
+    if (!(u > -1 && v > -1 && u < w->side && v < w->side))
         return;
     double share = area_m2 / (fmax(c->sun->axes.to_sun.z, LEVEL_SUN_Z) * w->texel_m * w->texel_m);
     double fu = u - floor(u), fv = v - floor(v);
@@ -253,7 +253,7 @@ void sv_tree_shade_cast(void *context, struct sv_shadow_window *window)
     struct casting c = {.shade = shade,
                         .sun = shade->current,
                         .window = window,
-                        .side_m = SV_SHADOW_WINDOW_SIDE * window->texel_m,
+                        .side_m = window->side * window->texel_m,
                         .slope_x = -to_sun.x / rise,
                         .slope_y = -to_sun.y / rise};
     uint32_t stack[STACK];

@@ -1,6 +1,6 @@
-/* terrain_shade.h - colour and normal of the ground as the terrain's fragment shader computes them: its CPU twin.
+/* terrain_shade.h - colour and normal of the ground as core/terrain/ground.h shades them: its scalar twin.
  *
- * Twin of core/gl/shaders/terrain.frag. Albedo is read bilinearly at level 0 (the truth supersamples instead of using mip
+ * Twin of core/terrain/ground_rows.inc. Albedo is read bilinearly at level 0 (the truth supersamples instead of using mip
  * levels), the shading normal bilinearly from the normal texture, the ground's fine detail from core/terrain/detail.h. */
 #ifndef SV_TRUTH_TERRAIN_SHADE_H
 #define SV_TRUTH_TERRAIN_SHADE_H

@@ -12,7 +12,7 @@
 #include "core/gl/target.h"
 #include "core/relief/draw_object.h"
 #include "core/terrain/draw.h"
-#include "core/terrain/draw_shadow.h"
+#include "core/terrain/ground.h"
 #include "core/tree/draw.h"
 #include "core/tree/shade.h"
 #include "core/truth/truth.h"
@@ -31,14 +31,14 @@ struct sv_renderer {
     struct sv_object_draw *objects; /* NULL: the scene has none */
     struct sv_truth *truth;
     struct sv_tree_shade *shade; /* NULL: no trees */
-    struct sv_shadow_draw *shadow_draw;
+    struct sv_ground *ground;
+    struct sv_shadow_pages *pages;
     struct sun_shadow scene_sun, other_sun; /* the scene's own is made before any fork */
-    struct sv_gl_shadows shadows;           /* of the view that is being drawn */
     sv_clock_ms clock;
     struct sv_gl_target *target; /* the last one used: most clients keep their size */
-    struct sv_image depth;       /* of a canvas, when the picture has none; of the target's size or empty */
     int target_width, target_height;
     unsigned target_layers;
+    struct sv_image ground_color, ground_depth; /* of the target's size, or empty */
 };
 
 void sv_renderer_destroy(struct sv_renderer *renderer)
@@ -46,10 +46,12 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     if (!renderer)
         return;
     sv_gl_target_destroy(renderer->target);
-    sv_image_free(&renderer->depth);
+    sv_image_free(&renderer->ground_color);
+    sv_image_free(&renderer->ground_depth);
     sv_shadow_height_finish(&renderer->scene_sun.terrain);
     sv_shadow_height_finish(&renderer->other_sun.terrain);
-    sv_shadow_draw_destroy(renderer->shadow_draw);
+    sv_shadow_pages_destroy(renderer->pages);
+    sv_ground_destroy(renderer->ground);
     sv_tree_shade_destroy(renderer->shade);
     sv_truth_destroy(renderer->truth);
     sv_object_draw_destroy(renderer->objects);
@@ -105,7 +107,7 @@ static enum sv_status create_shadows(struct sv_renderer *r, struct sv_error *err
 {
     struct sv_light light;
     sv_light_from_sun(&r->scene->sun, &light);
-    enum sv_status status = sv_shadow_draw_create(&r->shadow_draw, error);
+    enum sv_status status = sv_shadow_pages_create(&r->pages, error);
     if (!status && light.to_sun.z > 0)
         status = make_sun(r, &r->scene_sun, light.to_sun, error);
     if (!status && r->trees)
@@ -115,34 +117,50 @@ static enum sv_status create_shadows(struct sv_renderer *r, struct sv_error *err
     return status;
 }
 
-/* Everything that keeps the sun of a view off the ground, ready to draw with. */
-static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_resolved_view *view,
-                                      struct sv_gl_frame *frame, struct sv_error *error)
+/* Everything that keeps the sun at to_sun (above the horizon) off the ground, ready to be asked for. */
+static enum sv_status use_shadows(struct sv_renderer *r, struct sv_vec3 to_sun, bool trees, struct sv_error *error)
 {
-    frame->shadows = NULL;
-    if (!view->plan.shadows || frame->light.to_sun.z <= 0) /* night: no sunlight to keep off */
-        return SV_OK;
     struct sun_shadow *sun;
-    enum sv_status status = want_sun(r, frame->light.to_sun, &sun, error);
+    enum sv_status status = want_sun(r, to_sun, &sun, error);
     if (status)
         return status;
-    struct sv_vec3 s = frame->light.to_sun;
     struct sv_shadow_scene scene = {.field = &r->scene->terrain.field, .terrain = &sun->terrain};
-    bool trees = r->shade && view->plan.draw_trees;
-    scene.key = sv_hash_u64(sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, s.x), s.y), s.z), trees);
+    trees = trees && r->shade;
+    scene.key = sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, to_sun.x), to_sun.y), to_sun.z);
+    scene.key = sv_hash_u64(scene.key, trees);
     if (trees) {
-        status = sv_tree_shade_update(r->shade, s, sv_shadow_height_at, &sun->terrain, error);
+        status = sv_tree_shade_update(r->shade, to_sun, sv_shadow_height_at, &sun->terrain, error);
         if (status)
             return status;
         scene.casters[0] = (struct sv_shadow_caster_of){sv_tree_shade_cast, r->shade};
     }
     if (r->objects) {
-        sv_object_draw_sun(r->objects, s);
+        sv_object_draw_sun(r->objects, to_sun);
         scene.casters[SV_SHADOW_CASTERS_MAX - 1] =
             (struct sv_shadow_caster_of){sv_object_draw_cast, r->objects};
     }
-    status = sv_shadow_draw_update(r->shadow_draw, &scene, &view->camera, &r->shadows, NULL, error);
-    frame->shadows = &r->shadows;
+    sv_shadow_pages_use(r->pages, &scene);
+    return SV_OK;
+}
+
+/* *shadows: there are any. */
+static enum sv_status prepare_shadows(struct sv_renderer *r, const struct sv_resolved_view *view,
+                                      const struct sv_gl_frame *frame, bool *shadows, struct sv_error *error)
+{
+    *shadows = view->plan.shadows && frame->light.to_sun.z > 0; /* at night there is no sunlight to keep off */
+    return *shadows ? use_shadows(r, frame->light.to_sun, view->plan.draw_trees, error) : SV_OK;
+}
+
+enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error)
+{
+    struct sv_light light;
+    sv_light_from_sun(&renderer->scene->sun, &light);
+    if (!(light.to_sun.z > 0))
+        return SV_OK;
+    enum sv_status status = use_shadows(renderer, light.to_sun, true, error);
+    if (!status)
+        (void)sv_shadow_pages_fill_whole(renderer->pages,
+                                         (double)renderer->scene->forest.count + renderer->scene->object_count);
     return status;
 }
 
@@ -158,6 +176,8 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     enum sv_status status = sv_gl_context_create(&r->gl, error);
     if (!status)
         status = sv_terrain_draw_create(&scene->terrain, options->store, &r->terrain, error);
+    if (!status)
+        status = sv_ground_create(&scene->terrain, &r->ground, error);
     if (!status)
         status = create_trees(r, options->store, error);
     if (!status && scene->object_count > 0)
@@ -223,9 +243,14 @@ static enum sv_status want_target(struct sv_renderer *r, int width, int height, 
     if (r->target && r->target_width == width && r->target_height == height && r->target_layers == layers)
         return SV_OK;
     sv_gl_target_destroy(r->target);
-    sv_image_free(&r->depth);
     r->target = NULL;
+    sv_image_free(&r->ground_color);
+    sv_image_free(&r->ground_depth);
     enum sv_status status = sv_gl_target_create(width, height, layers, &r->target, error);
+    if (!status && layers & 1u << SV_LAYER_COLOR)
+        status = sv_image_alloc(width, height, 4, SV_PIXEL_U8, &r->ground_color, error);
+    if (!status && layers & 1u << SV_LAYER_COLOR)
+        status = sv_image_alloc(width, height, 1, SV_PIXEL_F32, &r->ground_depth, error);
     if (status)
         return status;
     r->target_width = width;
@@ -240,12 +265,12 @@ static double share_of_trees(void *shade, struct sv_vec3 place)
 }
 
 static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolved_view *view,
-                                   const struct sv_gl_frame *frame, unsigned layers,
+                                   const struct sv_gl_frame *frame, bool shadows, unsigned layers,
                                    struct sv_object_draw_stats *stats, struct sv_error *error)
 {
     struct sv_object_draw_options options = {.relief_texel_px = view->plan.relief_texel_px,
                                              .layers = layers,
-                                             .shadows = frame->shadows != NULL};
+                                             .shadows = shadows};
     struct sun_shadow *sun = NULL;
     if (options.shadows && want_sun(r, frame->light.to_sun, &sun, error) == SV_OK) {
         options.ground = sv_shadow_height_at;
@@ -286,7 +311,7 @@ static enum sv_status read_layers(struct sv_renderer *r, unsigned layers, struct
 static enum sv_status canvas_of(struct sv_renderer *r, struct sv_picture *picture, unsigned layers,
                                 struct sv_image *scratch, struct sv_canvas *canvas, struct sv_error *error)
 {
-    struct sv_image *depth = layers & 1u << SV_LAYER_DEPTH ? &picture->layer[SV_LAYER_DEPTH] : &r->depth;
+    struct sv_image *depth = layers & 1u << SV_LAYER_DEPTH ? &picture->layer[SV_LAYER_DEPTH] : &r->ground_depth;
     struct sv_image *color = layers & 1u << SV_LAYER_COLOR ? &picture->layer[SV_LAYER_COLOR] : scratch;
     int width = r->target_width, height = r->target_height;
     enum sv_status status = SV_OK;
@@ -294,7 +319,7 @@ static enum sv_status canvas_of(struct sv_renderer *r, struct sv_picture *pictur
         status = sv_image_alloc(width, height, 1, SV_PIXEL_F32, depth, error);
     if (!status && !color->data)
         status = sv_image_alloc(width, height, 4, SV_PIXEL_U8, color, error);
-    if (!status && depth == &r->depth)
+    if (!status && depth == &r->ground_depth)
         status = sv_gl_target_read(r->target, SV_LAYER_DEPTH, depth, error);
     *canvas = (struct sv_canvas){.width = width,
                                  .height = height,
@@ -309,7 +334,7 @@ static enum sv_status canvas_of(struct sv_renderer *r, struct sv_picture *pictur
 
 /* The trees of a view: in the target, or over what has been read from it. */
 static enum sv_status draw_trees(struct sv_renderer *r, const struct sv_resolved_view *view,
-                                 const struct sv_gl_frame *frame, const struct sv_canvas *canvas,
+                                 const struct sv_gl_frame *frame, bool shadows, const struct sv_canvas *canvas,
                                  struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_tree_draw_stats trees = {0};
@@ -318,7 +343,7 @@ static enum sv_status draw_trees(struct sv_renderer *r, const struct sv_resolved
     options.error_px = view->plan.tree_error_px;
     options.leaf_samples = view->plan.samples > 1 ? 1 : view->plan.leaf_samples;
     options.color_only = r->target_layers == 1u << SV_LAYER_COLOR;
-    options.shade = frame->shadows ? r->shade : NULL;
+    options.shade = shadows ? r->shade : NULL;
     options.canvas = canvas;
     enum sv_status status = sv_tree_draw_forest(r->trees, frame, &options, &trees, error);
     if (!status && stats)
@@ -329,26 +354,28 @@ static enum sv_status draw_trees(struct sv_renderer *r, const struct sv_resolved
     return status;
 }
 
-/* Ground, sky and objects, into the renderer's target. */
-static enum sv_status draw_ground(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky,
-                                  unsigned layers, const struct sv_gl_frame *frame, struct sv_draw_stats *stats,
-                                  struct sv_error *error)
+/* Terrain, and the sky behind it. They come before the trees: their soft edges blend over it. */
+static enum sv_status draw_ground(struct sv_renderer *r, const struct sv_resolved_view *view,
+                                  const struct sv_gl_frame *frame, bool shadows, bool sky, unsigned layers,
+                                  struct sv_terrain_draw_stats *stats, struct sv_error *error)
 {
-    struct sv_terrain_draw_stats terrain = {0};
-    enum sv_status status = sv_terrain_draw(r->terrain, frame, view->plan.terrain_error_px, &terrain, error);
-    /* The sky comes before the trees: their soft edges blend over it. */
-    if (!status && sky && layers & 1u << SV_LAYER_COLOR)
-        status = sv_sky_draw(frame, error);
-    struct sv_object_draw_stats objects = {0};
-    if (!status && r->objects)
-        status = draw_objects(r, view, frame, layers, &objects, error);
-    if (!status && stats) {
-        stats->terrain_triangles = terrain.triangles;
-        stats->terrain_error_px = terrain.max_error_px;
-        stats->polygon_objects = objects.polygon_objects;
-        stats->relief_objects = objects.relief_objects;
-    }
-    return status;
+    bool depth_only = !(layers & (1u << SV_LAYER_ID | 1u << SV_LAYER_NORMAL));
+    enum sv_status status =
+        sv_terrain_draw(r->terrain, frame, view->plan.terrain_error_px, depth_only, stats, error);
+    if (status || !(layers & 1u << SV_LAYER_COLOR))
+        return status;
+    status = sv_gl_target_read(r->target, SV_LAYER_DEPTH, &r->ground_depth, error);
+    if (status)
+        return status;
+    struct sv_ground_view ground = {.camera = &frame->camera,
+                                    .light = &frame->light,
+                                    .shift_x_px = frame->shift_x_px,
+                                    .shift_y_px = frame->shift_y_px,
+                                    .shadows = shadows ? r->pages : NULL,
+                                    .sky = sky,
+                                    .depth = r->ground_depth.data};
+    sv_ground_shade(r->ground, &ground, r->ground_color.data);
+    return sv_gl_target_write(r->target, &r->ground_color, error);
 }
 
 /* One pass: everything once, at one sample position, into the layers of the picture. Depth stays as GL has it. */
@@ -366,18 +393,26 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
     frame.shift_y_px = shift_y;
     sv_light_from_sun(&view->sun, &frame.light);
     frame.light.air = view->air;
-    status = prepare_shadows(r, view, &frame, error);
+    bool shadows;
+    status = prepare_shadows(r, view, &frame, &shadows, error);
     if (status)
         return status;
     sv_gl_target_begin(r->target);
     status = sv_gl_frame_begin(&frame, error);
+    struct sv_terrain_draw_stats terrain = {0};
     if (!status)
-        status = draw_ground(r, view, sky, layers, &frame, stats, error);
-    bool trees = r->trees && view->plan.draw_trees, canvas_form = sv_tree_form_on_canvas(form_of(view->plan.trees));
+        status = draw_ground(r, view, &frame, shadows, sky, layers, &terrain, error);
+    struct sv_object_draw_stats objects = {0};
+    if (!status && r->objects)
+        status = draw_objects(r, view, &frame, shadows, layers, &objects, error);
     if (stats)
-        stats->near_trees = stats->far_trees = 0;
+        *stats = (struct sv_draw_stats){.terrain_triangles = terrain.triangles,
+                                        .terrain_error_px = terrain.max_error_px,
+                                        .polygon_objects = objects.polygon_objects,
+                                        .relief_objects = objects.relief_objects};
+    bool trees = r->trees && view->plan.draw_trees, canvas_form = sv_tree_form_on_canvas(form_of(view->plan.trees));
     if (!status && trees && !canvas_form)
-        status = draw_trees(r, view, &frame, NULL, stats, error);
+        status = draw_trees(r, view, &frame, shadows, NULL, stats, error);
     if (!status)
         status = read_layers(r, layers, picture, error);
     if (!status && trees && canvas_form) {
@@ -385,7 +420,7 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
         struct sv_canvas canvas;
         status = canvas_of(r, picture, layers, &scratch, &canvas, error);
         if (!status)
-            status = draw_trees(r, view, &frame, &canvas, stats, error);
+            status = draw_trees(r, view, &frame, shadows, &canvas, stats, error);
         sv_image_free(&scratch);
     }
     return status ? status : sv_gl_check("draw_pass", error);

@@ -172,7 +172,7 @@ static const struct {
     int leaf_samples;
 } quality_table[SV_QUALITY_COUNT] = {
     [SV_QUALITY_FAST] = {2.0, 2, 2, 2},
-    [SV_QUALITY_BALANCED] = {1.0, 1.25, 1, 4},
+    [SV_QUALITY_BALANCED] = {1.0, 1.5, 1, 4},
     [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5, 8},
     [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 16},
 };

@@ -1,9 +1,9 @@
 /* warm.c - the views that make llvmpipe compile what common requests need.
  *
  * A variant of a shader depends on the formats that are attached and on blending, not on the camera, the sun
- * or the air, which are uniforms. So one pose does, if it sees ground near and far (terrain/draw.c has a
- * program for each zone of depth); objects have a pose of their own. Trees of `auto` need no shader. It is drawn with shadows and without, whose programs differ; the first also makes the window of
- * sunlight over all of the scene (terrain/draw_shadow.h). */
+ * or the air, which are uniforms. So one pose does, if it sees ground; trees of `auto` need no shader,
+ * objects have a pose of their own. It is drawn with shadows and without, whose programs differ.
+ * Then the scene's own sun is cast on all of the ground (terrain/shadow_page.h). */
 #include "core/view/warm.h"
 
 #include <math.h>
@@ -79,5 +79,7 @@ enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene 
         if (!status)
             sv_picture_finish(&picture);
     }
-    return !status && scene->object_count > 0 ? warm_objects(renderer, scene, request, error) : status;
+    if (!status && scene->object_count > 0)
+        status = warm_objects(renderer, scene, request, error);
+    return status ? status : sv_renderer_warm_shadows(renderer, error);
 }

@@ -3,7 +3,7 @@
 
 layout(location = 0) in vec3 place;
 out vec3 p;
-invariant gl_Position; // one surface, drawn by programs of different DETAIL_SCALES
+invariant gl_Position; // one surface, whatever is asked of it
 
 void main()
 {

@@ -259,6 +259,35 @@ static void front_is_counter_clockwise(void **state)
     sv_gl_target_destroy(target);
 }
 
+/* A picture that was written is read again, byte for byte, and depth does not change; other sizes are refused. */
+static void pictures_are_written(void **state)
+{
+    (void)state;
+    struct sv_gl_target *target = new_target(1u << SV_LAYER_COLOR), *bare = new_target(1u << SV_LAYER_ID);
+    struct sv_image in, out, small, depth;
+    struct sv_error error;
+    assert_int_equal(sv_image_alloc(W, H, 4, SV_PIXEL_U8, &in, &error), SV_OK);
+    assert_int_equal(sv_image_alloc(W, H - 1, 4, SV_PIXEL_U8, &small, &error), SV_OK);
+    uint8_t *bytes = in.data;
+    for (int k = 0; k < W * H * 4; k++)
+        bytes[k] = (uint8_t)(k * 37 + k / 1000);
+    sv_gl_target_begin(target);
+    assert_int_equal(sv_gl_target_write(target, &in, &error), SV_OK);
+    read_layer(target, SV_LAYER_COLOR, 4, SV_PIXEL_U8, &out);
+    read_layer(target, SV_LAYER_DEPTH, 1, SV_PIXEL_F32, &depth);
+    assert_memory_equal(in.data, out.data, (size_t)W * H * 4);
+    for (int k = 0; k < W * H; k++)
+        assert_true(((const float *)depth.data)[k] == 0);
+    assert_int_equal(sv_gl_target_write(target, &small, &error), SV_EINVAL);
+    assert_int_equal(sv_gl_target_write(bare, &in, &error), SV_EINVAL);
+    sv_image_free(&in);
+    sv_image_free(&out);
+    sv_image_free(&small);
+    sv_image_free(&depth);
+    sv_gl_target_destroy(target);
+    sv_gl_target_destroy(bare);
+}
+
 static void missing_layers_are_refused(void **state)
 {
     (void)state;
@@ -335,6 +364,7 @@ int main(void)
         cmocka_unit_test(shift_moves_the_sample),
         cmocka_unit_test(depth_reaches_from_hand_to_horizon),
         cmocka_unit_test(front_is_counter_clockwise),
+        cmocka_unit_test(pictures_are_written),
         cmocka_unit_test(missing_layers_are_refused),
         cmocka_unit_test(broken_shaders_have_words),
         cmocka_unit_test(gl_errors_are_told),

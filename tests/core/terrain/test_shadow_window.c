@@ -70,7 +70,7 @@ static int setup(void **state)
 {
     (void)state;
     struct sv_error error;
-    return sv_shadow_window_alloc(&window, &error) == SV_OK ? 0 : -1;
+    return sv_shadow_window_alloc(&window, SV_SHADOW_WINDOW_SIDE, &error) == SV_OK ? 0 : -1;
 }
 static int teardown(void **state)
 {
@@ -102,7 +102,7 @@ static void ground_is_the_surface(void **state)
                 struct sv_vec3 p = texel_place(&window, i, j);
                 double z;
                 assert_true(isfinite(p.z));
-                const float *b = window.blocks[j / SV_SHADOW_WINDOW_BLOCK * SV_SHADOW_WINDOW_BLOCKS +
+                const float *b = window.blocks[j / SV_SHADOW_WINDOW_BLOCK * (SV_SHADOW_WINDOW_SIDE / SV_SHADOW_WINDOW_BLOCK) +
                                                i / SV_SHADOW_WINDOW_BLOCK];
                 float g = window.ground[(size_t)j * SIDE + (size_t)i];
                 assert_true(g >= b[0] && g <= b[1] && g >= window.ground_min && g <= window.ground_max);
@@ -447,78 +447,6 @@ static void simd_is_scalar(void **state)
     }
 }
 
-/* ---- seams and layout ---- */
-
-static void seam(void **state)
-{
-    (void)state;
-    struct sv_heightfield f = make_field(hills, 2, 2);
-    static uint8_t coarse[(size_t)SIDE * SIDE];
-    for (size_t k = 0; k < (size_t)SIDE * SIDE; k++)
-        coarse[k] = (uint8_t)(k % SIDE / 4);
-    sv_shadow_window_fill(&window, &f, NULL, (struct sv_shadow_place){0, 0, 1});
-    memset(window.light, 40, (size_t)SIDE * SIDE);
-    sv_shadow_window_blend(&window, coarse, (struct sv_shadow_place){-1024, -1536, 4});
-    for (int j = 0; j < SIDE; j += 7)
-        for (int i = 0; i < SIDE; i++) {
-            int got = window.light[(size_t)j * SIDE + (size_t)i];
-            int edge = i < j ? i : j;
-            edge = SIDE - 1 - i < edge ? SIDE - 1 - i : edge;
-            edge = SIDE - 1 - j < edge ? SIDE - 1 - j : edge;
-            double there = floor(((i + 0.5 + 1024) / 4 - 0.5) / 4);
-            if (edge <= 4)
-                assert_true(fabs(got - there) <= 1.01);
-            if (edge >= SIDE / 10)
-                assert_int_equal(got, 40);
-            assert_true(got >= fmin(40, there) - 1.01 && got <= fmax(40, there) + 1.01);
-        }
-    drop_field(&f);
-}
-
-static bool holds(struct sv_shadow_place p, double x, double y)
-{
-    double w = SIDE * p.texel_m;
-    return x >= p.x0 && y >= p.y0 && x <= p.x0 + w && y <= p.y0 + w;
-}
-
-static void layouts(void **state)
-{
-    (void)state;
-    struct sv_heightfield f = make_field(hills, 40, 40);
-    struct sv_rng rng = sv_rng_seeded(2, 7);
-    double x1 = sv_heightfield_x1(&f), y1 = sv_heightfield_y1(&f);
-    for (int round = 0; round < 3000; round++) {
-        struct sv_camera c = {.width = 512, .height = 384, .vfov_rad = 1, .near_m = 0.1};
-        struct sv_shadow_layout layout;
-        c.projection = round % 4 ? SV_PROJECTION_PERSPECTIVE : SV_PROJECTION_ORTHOGRAPHIC;
-        c.ortho_height_m = sv_rng_range(&rng, 10, 9000);
-        c.far_m = 1e5;
-        c.eye = sv_vec3(sv_rng_range(&rng, X0, x1), sv_rng_range(&rng, Y0, y1),
-                        Z0 + 20 + exp(sv_rng_range(&rng, 0.5, 8)));
-        sv_camera_aim(&c, sv_rng_range(&rng, 0, 6.28), sv_rng_range(&rng, -1.57, 0.3), 0);
-        sv_shadow_layout_choose(&f, &c, 0.01, &layout);
-        assert_in_range(layout.count, c.projection == SV_PROJECTION_PERSPECTIVE, SV_SHADOW_LEVELS_MAX);
-        for (int k = 1; k < layout.count; k++) {
-            struct sv_shadow_place a = layout.place[k - 1], b = layout.place[k];
-            assert_true(b.texel_m >= 2 * a.texel_m);
-            /* A window lies in the next one, as far as there is ground: its seam is met. */
-            double w = SIDE * a.texel_m;
-            assert_true(holds(b, fmax(a.x0, X0), fmax(a.y0, Y0)) &&
-                        holds(b, fmin(a.x0 + w, x1), fmin(a.y0 + w, y1)));
-        }
-        /* What the picture sees of the ground is in the last one. */
-        for (int k = 0; k < 9; k++) {
-            struct sv_vec3 origin, ray;
-            sv_camera_ray(&c, k % 3 * 256, k / 3 * 192, &origin, &ray);
-            double t = (Z0 + 2 - c.eye.z - origin.z) / ray.z;
-            double x = c.eye.x + origin.x + t * ray.x, y = c.eye.y + origin.y + t * ray.y;
-            if (t > 0 && x >= X0 && y >= Y0 && x <= x1 && y <= y1)
-                assert_true(layout.count > 0 && holds(layout.place[layout.count - 1], x, y));
-        }
-    }
-    drop_field(&f);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -528,8 +456,6 @@ int main(void)
         cmocka_unit_test(rows_are_the_formula),
         cmocka_unit_test(hostile_casts),
         cmocka_unit_test(simd_is_scalar),
-        cmocka_unit_test(seam),
-        cmocka_unit_test(layouts),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

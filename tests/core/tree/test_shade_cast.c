@@ -33,7 +33,7 @@ static void windows_keep_the_amount_of_shade(void **state)
     static const double texels[] = {0.125, 0.25, 0.5, 1, 2, 4, 8, 16};
     struct sv_error error;
     struct sv_shadow_window w = {0};
-    shade_ok(sv_shadow_window_alloc(&w, &error), &error);
+    shade_ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
     for (int e = 0; e < 3; e++) {
         double elevation = 15 + 30 * e;
         struct sv_tree tree = shade_tree_at(0, 0, 14, e, 5);
@@ -74,7 +74,7 @@ static void shade_of_tiny_trees_adds_up(void **state)
     struct shade_forest f;
     struct sv_error error;
     struct sv_shadow_window w = {0};
-    shade_ok(sv_shadow_window_alloc(&w, &error), &error);
+    shade_ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
     sv_shadow_window_fill(&w, &shade_ground->terrain.field, NULL,
                           (struct sv_shadow_place){shade_middle().x - 1024, shade_middle().y - 1024, 2});
     shade_forest_init(&f, trees, COUNT, shade_table, SHADE_SPECIES);
@@ -96,8 +96,8 @@ static void the_caster_finds_every_tree_that_reaches(void **state)
     (void)state;
     struct sv_error error;
     struct sv_shadow_window a = {0}, b = {0};
-    shade_ok(sv_shadow_window_alloc(&a, &error), &error);
-    shade_ok(sv_shadow_window_alloc(&b, &error), &error);
+    shade_ok(sv_shadow_window_alloc(&a, SV_SHADOW_WINDOW_SIDE, &error), &error);
+    shade_ok(sv_shadow_window_alloc(&b, SV_SHADOW_WINDOW_SIDE, &error), &error);
     struct shade_forest f;
     shade_forest_init(&f, shade_stand->forest.trees, shade_stand->forest.count, shade_table, SHADE_SPECIES);
     struct sv_rng rng = sv_rng_seeded(8, 8);
@@ -140,7 +140,7 @@ static void light_at_a_place_is_that_of_the_ground(void **state)
     (void)state;
     struct sv_error error;
     struct sv_shadow_window w = {0};
-    shade_ok(sv_shadow_window_alloc(&w, &error), &error);
+    shade_ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
     struct shade_forest f, none;
     shade_forest_init(&f, shade_stand->forest.trees, shade_stand->forest.count, shade_table, SHADE_SPECIES);
     shade_forest_init(&none, shade_stand->forest.trees, 0, shade_table, SHADE_SPECIES);
@@ -219,7 +219,7 @@ static void a_million_trees(void **state)
         printf(" ms at 5, 30, 55 degrees (mean light %.2f %.2f %.2f)", light[0], light[1], light[2]);
         assert_true(light[0] > 0.02 && light[0] < light[1] && light[1] < light[2] && light[2] < 0.95);
         struct sv_shadow_window w = {0};
-        shade_ok(sv_shadow_window_alloc(&w, &error), &error);
+        shade_ok(sv_shadow_window_alloc(&w, SV_SHADOW_WINDOW_SIDE, &error), &error);
         sv_shadow_window_fill(&w, &shade_ground->terrain.field, NULL,
                               (struct sv_shadow_place){shade_middle().x - 1024, shade_middle().y - 1024, 2});
         double since = now_ms();

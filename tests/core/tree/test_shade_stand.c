@@ -158,7 +158,7 @@ static void night_and_no_direction(void **state)
     struct shade_forest f;
     struct sv_error error;
     struct sv_shadow_window window = {0};
-    shade_ok(sv_shadow_window_alloc(&window, &error), &error);
+    shade_ok(sv_shadow_window_alloc(&window, SV_SHADOW_WINDOW_SIDE, &error), &error);
     sv_shadow_window_fill(&window, &shade_ground->terrain.field, NULL,
                           (struct sv_shadow_place){shade_middle().x - 64, shade_middle().y - 64, 0.125});
     shade_forest_init(&f, &tree, 1, shade_table, SHADE_SPECIES);

@@ -1,0 +1,176 @@
+/* shadow_page.c - see shadow_page.h. A hash table over the slots; look-ups renew a slot's time of use. */
+#include "core/terrain/shadow_page.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { SIDE = SV_SHADOW_PAGE_SIDE, STEP = SV_SHADOW_PAGE_STEP, BUCKETS = 4096, NONE = -1 };
+enum { TEXELS = SIDE * SIDE, SPARE = 4 };
+
+struct slot {
+    uint64_t key, used;
+    int level, i, j;
+    int next; /* in its bucket */
+};
+
+struct sv_shadow_pages {
+    struct sv_shadow_scene scene;
+    struct sv_shadow_window window; /* the one that is being filled; its light is a page's */
+    uint8_t *own_light, *light;
+    struct slot slots[SV_SHADOW_PAGES];
+    int slot_count; /* that hold a page */
+    int buckets[BUCKETS];
+    uint64_t clock, filled;
+};
+
+enum sv_status sv_shadow_pages_create(struct sv_shadow_pages **pages, struct sv_error *error)
+{
+    struct sv_shadow_pages *made = calloc(1, sizeof *made);
+    if (!made)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for pages of shadows");
+    enum sv_status status = sv_shadow_window_alloc(&made->window, SIDE, error);
+    made->own_light = made->window.light;
+    made->light = malloc((size_t)SV_SHADOW_PAGES * TEXELS + SPARE);
+    if (!status && !made->light)
+        status = sv_fail(error, SV_ENOMEM, NULL, "no memory for %d pages of shadows", SV_SHADOW_PAGES);
+    if (status) {
+        sv_shadow_pages_destroy(made);
+        return status;
+    }
+    memset(made->light + (size_t)SV_SHADOW_PAGES * TEXELS, 0, SPARE);
+    for (int k = 0; k < BUCKETS; k++)
+        made->buckets[k] = NONE;
+    *pages = made;
+    return SV_OK;
+}
+
+void sv_shadow_pages_destroy(struct sv_shadow_pages *pages)
+{
+    if (!pages)
+        return;
+    pages->window.light = pages->own_light;
+    sv_shadow_window_finish(&pages->window);
+    free(pages->light);
+    free(pages);
+}
+
+void sv_shadow_pages_use(struct sv_shadow_pages *pages, const struct sv_shadow_scene *scene)
+{
+    pages->scene = *scene;
+}
+
+const uint8_t *sv_shadow_pages_light(const struct sv_shadow_pages *pages)
+{
+    return pages->light;
+}
+
+uint64_t sv_shadow_pages_filled(const struct sv_shadow_pages *pages)
+{
+    return pages->filled;
+}
+
+int sv_shadow_pages_finest(const struct sv_shadow_pages *pages)
+{
+    const struct sv_shadow_scene *scene = &pages->scene;
+    int level = 0;
+    for (int k = 0; k < SV_SHADOW_CASTERS_MAX; k++)
+        if (scene->casters[k].cast)
+            return 0;
+    double finest = fmin(scene->field->dx, scene->field->dy) / 8;
+    while (level < SV_SHADOW_PAGE_LEVELS - 1 && ldexp(SV_SHADOW_PAGE_TEXEL_M, level + 1) <= finest)
+        level++;
+    return level;
+}
+
+static int *bucket_of(struct sv_shadow_pages *pages, uint64_t key, int level, int i, int j)
+{
+    uint64_t h = (uint64_t)(uint32_t)i * UINT64_C(0x9E3779B97F4A7C15) ^
+                 ((uint64_t)(uint32_t)j + ((uint64_t)(uint32_t)level << 32)) * UINT64_C(0xC2B2AE3D27D4EB4F) ^
+                 key;
+    return &pages->buckets[(h * UINT64_C(0x9E3779B97F4A7C15)) >> 52];
+}
+
+static void unlink_slot(struct sv_shadow_pages *pages, int slot)
+{
+    struct slot *s = &pages->slots[slot];
+    int *at = bucket_of(pages, s->key, s->level, s->i, s->j);
+    while (*at != slot)
+        at = &pages->slots[*at].next;
+    *at = s->next;
+}
+
+/* A slot to fill: a fresh one, or that of the page that was wanted longest ago. */
+static int free_slot(struct sv_shadow_pages *pages)
+{
+    if (pages->slot_count < SV_SHADOW_PAGES)
+        return pages->slot_count++;
+    int oldest = 0;
+    for (int k = 1; k < SV_SHADOW_PAGES; k++)
+        if (pages->slots[k].used < pages->slots[oldest].used)
+            oldest = k;
+    unlink_slot(pages, oldest);
+    return oldest;
+}
+
+static void fill(struct sv_shadow_pages *pages, int slot)
+{
+    const struct sv_shadow_scene *scene = &pages->scene;
+    const struct slot *s = &pages->slots[slot];
+    double texel = ldexp(SV_SHADOW_PAGE_TEXEL_M, s->level);
+    struct sv_shadow_place place = {scene->field->x0 + ((double)s->i * STEP - 1) * texel,
+                                    scene->field->y0 + ((double)s->j * STEP - 1) * texel, texel};
+    pages->window.light = pages->light + (size_t)slot * TEXELS;
+    sv_shadow_window_fill(&pages->window, scene->field, scene->terrain, place);
+    for (int k = 0; k < SV_SHADOW_CASTERS_MAX; k++)
+        if (scene->casters[k].cast)
+            scene->casters[k].cast(scene->casters[k].context, &pages->window);
+    pages->filled++;
+}
+
+uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, int j)
+{
+    uint64_t key = pages->scene.key;
+    int *bucket = bucket_of(pages, key, level, i, j), k = *bucket;
+    pages->clock++;
+    while (k != NONE) {
+        struct slot *s = &pages->slots[k];
+        if (s->i == i && s->j == j && s->level == level && s->key == key) {
+            s->used = pages->clock;
+            return (uint32_t)k * TEXELS;
+        }
+        k = s->next;
+    }
+    k = free_slot(pages);
+    bucket = bucket_of(pages, key, level, i, j);
+    pages->slots[k] = (struct slot){key, pages->clock, level, i, j, *bucket};
+    *bucket = k;
+    fill(pages, k);
+    return (uint32_t)k * TEXELS;
+}
+
+/* A body's shadow takes about this much ground; and so many of its texels may be cast. */
+static const double SHADOW_M2 = 100, TEXELS_MOST = 3e7;
+
+static int pages_across(double side_m, int level)
+{
+    return (int)fmin(ceil(side_m / (ldexp(SV_SHADOW_PAGE_TEXEL_M, level) * STEP)), 1e4);
+}
+
+int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters)
+{
+    const struct sv_heightfield *f = pages->scene.field;
+    double size_x = (f->width - 1) * f->dx, size_y = (f->height - 1) * f->dy, texels = 0;
+    int level = SV_SHADOW_PAGE_LEVELS - 1, count = 0, finest = sv_shadow_pages_finest(pages);
+    for (; level > finest; level--) {
+        int w = pages_across(size_x, level - 1), h = pages_across(size_y, level - 1);
+        texels += casters * SHADOW_M2 / pow(ldexp(SV_SHADOW_PAGE_TEXEL_M, level - 1), 2);
+        count += w * h > 1 ? w * h : 0;
+        if (count > SV_SHADOW_PAGES_WHOLE || texels > TEXELS_MOST)
+            break;
+        for (int j = 0; j < h && w * h > 1; j++)
+            for (int i = 0; i < w; i++)
+                (void)sv_shadow_pages_want(pages, level - 1, i, j);
+    }
+    return level;
+}

@@ -1,0 +1,69 @@
+/* shadow_page.h - sunlight on the ground wherever it is asked for, as fine as it is asked for, in pages that
+ * are filled the first time that somebody looks at them.
+ *
+ * Level k has texels of SV_SHADOW_PAGE_TEXEL_M * 2^k on a lattice that starts at the field's south-west
+ * corner. Page (i, j) of a level is a window (shadow_window.h) of SV_SHADOW_PAGE_SIDE texels a side: the STEP
+ * * STEP texels from (STEP i, STEP j) on and one more on each side, so that bilinear look-ups of any place of
+ * the page stay inside of it. Coarser levels are the mip levels of finer ones, each cast anew.
+ *
+ * A page's content depends on its place, the sun and what casts, never on earlier views or on the eye, so a
+ * picture is the same whoever draws it, and eyes that come by again find the pages there. SV_SHADOW_PAGES are
+ * kept, the least lately used gives way. Neighbouring pages agree on the texels that both hold, but for one
+ * grey level (the order of casters is the same). Own derivation. No GL. */
+#ifndef SV_TERRAIN_SHADOW_PAGE_H
+#define SV_TERRAIN_SHADOW_PAGE_H
+
+#include "core/terrain/shadow_window.h"
+
+enum {
+    SV_SHADOW_PAGE_SIDE = 128,
+    SV_SHADOW_PAGE_STEP = SV_SHADOW_PAGE_SIDE - 2,
+    SV_SHADOW_PAGE_LEVELS = 20,
+    SV_SHADOW_PAGES = 2048,
+    SV_SHADOW_CASTERS_MAX = 4
+};
+#define SV_SHADOW_PAGE_TEXEL_M 0.125
+/* The level for a place: the finest whose texels are at least this share of the pixel there (of the geometric
+ * mean of its length and width on the ground): texels of 0.7 to 1.4 pixels. */
+#define SV_SHADOW_PAGE_TEXEL_PX 0.7
+
+struct sv_shadow_pages;
+
+/* What stands between the sun and the ground. */
+struct sv_shadow_scene {
+    const struct sv_heightfield *field;
+    const struct sv_shadow_height *terrain; /* of the sun; NULL: none */
+    struct sv_shadow_caster_of {
+        sv_shadow_caster cast; /* NULL: an empty place */
+        void *context;
+    } casters[SV_SHADOW_CASTERS_MAX];
+    uint64_t key; /* of the sun and of what casts: pages of another key are not used */
+};
+
+/* 34 MB, touched as pages are filled. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_shadow_pages_create(struct sv_shadow_pages **pages, struct sv_error *error);
+void sv_shadow_pages_destroy(struct sv_shadow_pages *pages); /* NULL is legal */
+
+/* What pages are filled from; what it points to is borrowed until the next call. */
+void sv_shadow_pages_use(struct sv_shadow_pages *pages, const struct sv_shadow_scene *scene);
+
+/* Page (i, j) of a level (0 .. LEVELS - 1) of the scene in use, filled when it is not there: where its first
+ * texel lies in sv_shadow_pages_light. Row 0 is the south row. Valid until SV_SHADOW_PAGES - 1 others were
+ * wanted. */
+uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, int j);
+/* Fills whole levels of the scene in use, from the coarsest of several pages down, as long as they are not
+ * too much: SV_SHADOW_PAGES_WHOLE pages in all, and casters (how many bodies cast; 0: the terrain alone)
+ * times their texels by a bound that keeps it below a second. What belongs to a sun that stays is made once,
+ * then. Returns the finest level filled. */
+enum { SV_SHADOW_PAGES_WHOLE = 1400 };
+int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters);
+/* Light of all pages, 255: all sunlight; reads of four bytes from any texel on are legal. */
+const uint8_t *sv_shadow_pages_light(const struct sv_shadow_pages *pages);
+
+/* The level whose texels are finest_m wide or just coarser than half of it: no smaller one is of use to the
+ * scene. Without casters that is an eighth of the field's spacing. */
+int sv_shadow_pages_finest(const struct sv_shadow_pages *pages);
+/* How many pages were filled since creation. */
+uint64_t sv_shadow_pages_filled(const struct sv_shadow_pages *pages);
+
+#endif

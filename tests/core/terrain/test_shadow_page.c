@@ -1,0 +1,247 @@
+/* test_shadow_page.c - pages of shadow: what is in them against a window of its own there, that neighbours
+ * agree on what both hold, which are kept, and that nothing depends on what was asked for before. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "core/base/rng.h"
+#include "core/terrain/shadow_page.h"
+
+enum { FIELD = 129, SIDE = SV_SHADOW_PAGE_SIDE, STEP = SV_SHADOW_PAGE_STEP, BODIES = 40 };
+
+static float heights[FIELD * FIELD];
+static const struct sv_heightfield field = {.width = FIELD,
+                                            .height = FIELD,
+                                            .x0 = 471230.25,
+                                            .y0 = 5203411.5,
+                                            .dx = 2,
+                                            .dy = 2.5,
+                                            .z0 = 800,
+                                            .h_min = -12,
+                                            .h_max = 12,
+                                            .h = heights};
+static uint8_t disc[24 * 32];
+static struct sv_silhouette body;
+static struct sv_vec3 places[BODIES];
+static struct sv_shadow_height sun;
+static int casts; /* how often the caster was called */
+
+static void cast_bodies(void *context, struct sv_shadow_window *window)
+{
+    (void)context;
+    casts++;
+    for (int k = 0; k < BODIES; k++)
+        sv_shadow_window_cast(window, &body, places[k], 5);
+}
+
+static struct sv_shadow_scene scene(uint64_t key)
+{
+    return (struct sv_shadow_scene){
+        .field = &field, .terrain = &sun, .casters = {{NULL, NULL}, {cast_bodies, NULL}}, .key = key};
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(5, 5);
+    struct sv_error error;
+    struct sv_vec3 to_sun = sv_normalize(sv_vec3(0.6, -0.5, 0.45));
+    for (int j = 0; j < FIELD; j++)
+        for (int i = 0; i < FIELD; i++)
+            heights[j * FIELD + i] = (float)(8 * sin(i * 0.13) * cos(j * 0.17) + 2 * sin(i * 0.6 + j * 0.5));
+    for (int j = 0; j < 32; j++)
+        for (int i = 0; i < 24; i++)
+            disc[j * 24 + i] = hypot((i - 11.5) / 12, (j - 15.5) / 16) < 0.95 ? (uint8_t)(90 + 5 * i) : 0;
+    struct sv_vec3 right = sv_normalize(sv_cross(sv_vec3(0, 0, 1), to_sun));
+    struct sv_vec3 down = sv_scale(sv_cross(to_sun, right), -1);
+    body = (struct sv_silhouette){.travel = sv_scale(to_sun, -1),
+                                  .right = right,
+                                  .down = down,
+                                  .corner = sv_add(sv_scale(right, -0.5), sv_scale(down, -1)),
+                                  .width = 24,
+                                  .height = 32,
+                                  .width_m = 1,
+                                  .height_m = 1.3,
+                                  .first_m = -1,
+                                  .coverage = disc};
+    for (int k = 0; k < BODIES; k++) {
+        double x = sv_rng_range(&rng, field.x0, sv_heightfield_x1(&field)),
+               y = sv_rng_range(&rng, field.y0, sv_heightfield_y1(&field)), z = 0;
+        assert_true(sv_heightfield_height(&field, x, y, &z));
+        places[k] = sv_vec3(x, y, z);
+    }
+    return sv_shadow_height_make(&sun, &field, to_sun, &error) ? -1 : 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    sv_shadow_height_finish(&sun);
+    return 0;
+}
+
+static struct sv_shadow_pages *make_pages(uint64_t key)
+{
+    struct sv_shadow_pages *pages;
+    struct sv_error error;
+    struct sv_shadow_scene s = scene(key);
+    if (sv_shadow_pages_create(&pages, &error))
+        fail_msg("%s", error.message);
+    sv_shadow_pages_use(pages, &s);
+    return pages;
+}
+
+/* Every texel of a page is that of a window four times as large which holds the page in its middle. */
+static void pages_are_windows(void **state)
+{
+    (void)state;
+    struct sv_shadow_pages *pages = make_pages(1);
+    struct sv_shadow_window w;
+    struct sv_error error;
+    long shaded = 0, texels = 0, off = 0;
+    if (sv_shadow_window_alloc(&w, 4 * SIDE, &error))
+        fail_msg("%s", error.message);
+    for (int level = 0; level < 6; level++)
+        for (int round = 0; round < 4; round++) {
+            double texel = SV_SHADOW_PAGE_TEXEL_M * (1 << level);
+            int across = (int)(250 / (STEP * texel)), i = across > 1 ? (round * 7 + 1) % across : 0,
+                j = across > 1 ? (round * 5 + 2) % across : round - 1;
+            uint32_t at = sv_shadow_pages_want(pages, level, i, j);
+            struct sv_shadow_place place = {field.x0 + (i * STEP - 1 - 3 * SIDE / 2) * texel,
+                                            field.y0 + (j * STEP - 1 - 3 * SIDE / 2) * texel, texel};
+            sv_shadow_window_fill(&w, &field, &sun, place);
+            cast_bodies(NULL, &w);
+            const uint8_t *light = sv_shadow_pages_light(pages) + at;
+            for (int b = 0; b < SIDE; b++)
+                for (int a = 0; a < SIDE; a++) {
+                    int got = light[b * SIDE + a],
+                        want =
+                            w.light[(size_t)(b + 3 * SIDE / 2) * (size_t)w.side + (size_t)(a + 3 * SIDE / 2)];
+                    /* Floats count from the page's corner: a grey level, or at the shadow's end a texel. */
+                    off += abs(got - want) > 2;
+                    shaded += want < 200;
+                    texels++;
+                }
+        }
+    assert_true(shaded > texels / 50);
+    if (off > texels / 2000)
+        fail_msg("%ld of %ld texels are not those of the window", off, texels);
+    sv_shadow_window_finish(&w);
+    sv_shadow_pages_destroy(pages);
+}
+
+/* The last column of a page and the first of the next one stand for the same texels (rows, too). */
+static void neighbours_agree(void **state)
+{
+    (void)state;
+    struct sv_shadow_pages *pages = make_pages(1);
+    const uint8_t *light = sv_shadow_pages_light(pages);
+    long off = 0, all = 0;
+    for (int level = 0; level < 3; level++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t here = sv_shadow_pages_want(pages, level, k, 1),
+                     east = sv_shadow_pages_want(pages, level, k + 1, 1),
+                     north = sv_shadow_pages_want(pages, level, k, 2);
+            for (int a = 0; a < SIDE; a++)
+                for (int edge = 0; edge < 2; edge++, all += 2) {
+                    off += abs(light[here + a * SIDE + SIDE - 2 + edge] - light[east + a * SIDE + edge]) > 2;
+                    off +=
+                        abs(light[here + (SIDE - 2 + edge) * SIDE + a] - light[north + edge * SIDE + a]) > 2;
+                }
+        }
+    if (off > all / 500)
+        fail_msg("%ld of %ld texels differ from the neighbour's", off, all);
+    sv_shadow_pages_destroy(pages);
+}
+
+/* A page is filled once while it is wanted; another key, level or place is another page; after
+ * SV_SHADOW_PAGES others the one that was wanted longest ago is gone, and comes back with the same bytes. */
+static void the_least_lately_used_gives_way(void **state)
+{
+    (void)state;
+    struct sv_shadow_pages *pages = make_pages(1);
+    static uint8_t first[SIDE * SIDE];
+    uint32_t at = sv_shadow_pages_want(pages, 1, 0, 0);
+    memcpy(first, sv_shadow_pages_light(pages) + at, sizeof first);
+    casts = 0;
+    assert_int_equal(sv_shadow_pages_want(pages, 1, 0, 0), at);
+    assert_int_equal(casts, 0);
+    struct sv_shadow_scene other = scene(2);
+    sv_shadow_pages_use(pages, &other);
+    assert_int_not_equal(sv_shadow_pages_want(pages, 1, 0, 0), at);
+    assert_int_not_equal(sv_shadow_pages_want(pages, 2, 0, 0), at);
+    assert_int_not_equal(sv_shadow_pages_want(pages, 1, -1, 0), at);
+    assert_int_equal(casts, 3);
+    other = scene(1);
+    other.casters[1].cast = NULL; /* what fills the store up */
+    other.key = 3;
+    sv_shadow_pages_use(pages, &other);
+    for (int k = 0; k < SV_SHADOW_PAGES - 5; k++)
+        sv_shadow_pages_want(pages, 0, k, 700);
+    other = scene(1);
+    sv_shadow_pages_use(pages, &other);
+    uint64_t filled = sv_shadow_pages_filled(pages);
+    assert_int_equal(sv_shadow_pages_want(pages, 1, 0, 0), at); /* still there, and now the latest */
+    assert_int_equal(sv_shadow_pages_filled(pages), filled);
+    for (int k = 0; k < SV_SHADOW_PAGES; k++)
+        sv_shadow_pages_want(pages, 12, k, 3);
+    filled = sv_shadow_pages_filled(pages);
+    at = sv_shadow_pages_want(pages, 1, 0, 0);
+    assert_int_equal(sv_shadow_pages_filled(pages), filled + 1);
+    assert_memory_equal(first, sv_shadow_pages_light(pages) + at, sizeof first);
+    sv_shadow_pages_destroy(pages);
+}
+
+static void finest_level(void **state)
+{
+    (void)state;
+    struct sv_shadow_pages *pages = make_pages(1);
+    struct sv_shadow_scene bare = scene(1);
+    assert_int_equal(sv_shadow_pages_finest(pages), 0);
+    bare.casters[1].cast = NULL;
+    sv_shadow_pages_use(pages, &bare);
+    assert_int_equal(sv_shadow_pages_finest(pages), 1); /* 2 m / 8 = 0.25 m */
+    sv_shadow_pages_destroy(pages);
+    sv_shadow_pages_destroy(NULL);
+}
+
+/* After whole levels were filled, none of their pages over the field has to be filled again; many casters
+ * stop it at coarser ones. */
+static void whole_levels(void **state)
+{
+    (void)state;
+    int before = -1;
+    for (double casters = 0; casters < 1e7; casters = casters * 30 + BODIES) {
+        struct sv_shadow_pages *pages = make_pages(1);
+        int level = sv_shadow_pages_fill_whole(pages, casters);
+        uint64_t filled = sv_shadow_pages_filled(pages);
+        assert_true(level >= before && filled <= SV_SHADOW_PAGES_WHOLE);
+        before = level;
+        for (int l = level; l < 8; l++) {
+            double side = SV_SHADOW_PAGE_TEXEL_M * (1 << l) * STEP;
+            int w = (int)ceil(256 / side), h = (int)ceil(320 / side);
+            for (int k = 0; k < w * h && w * h > 1; k++)
+                sv_shadow_pages_want(pages, l, k % w, k / w);
+        }
+        assert_int_equal(sv_shadow_pages_filled(pages), filled);
+        sv_shadow_pages_destroy(pages);
+    }
+    assert_true(before > 2);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(pages_are_windows),
+        cmocka_unit_test(neighbours_agree),
+        cmocka_unit_test(the_least_lately_used_gives_way),
+        cmocka_unit_test(finest_level),
+        cmocka_unit_test(whole_levels),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
