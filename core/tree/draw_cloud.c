@@ -23,7 +23,7 @@
 #include "core/tree/cloud_order.h"
 #include "core/tree/draw_cloud_form.h"
 
-enum { GROUP_FIRST = 8, BINS = 128 };
+enum { GROUP_FIRST = 8, BINS = 128, KEYS = 2 * BINS /* a species */ };
 enum { CORNERS = SV_CLOUD_OUTLINE };
 enum {
     AT_POSITION,
@@ -40,6 +40,10 @@ enum {
 }; /* locations in tree_cloud.vert */
 enum pass { PASS_TESTED, PASS_SOFT, PASS_HARD, PASSES };
 enum { UNIFORM_ACROSS = 2, UNIFORM_ALONG = 3, UNIFORM_EDGE_ON = 4, UNIFORM_LEAF = 5, UNIFORM_PARAMS = 8 };
+
+/* Trees of fewer pixels are drawn by whole planes: a third of the triangles; 8 levels of 255 darker from 60
+ * degrees above, which is why no more are. */
+static const double WHOLE_PX = 12;
 
 /* Cosine between a plane and the view below which it is left out: its texels would be drawn 20 times narrower
  * than they are high. What it shows is missed in the picture as it were in the tree: 0.1, 0.2 and 0.3 take 0
@@ -61,12 +65,19 @@ struct instance {
 _Static_assert(SV_SHADE_COLUMNS == 2 && SV_SHADE_ROWS == 4 && sizeof(struct sv_tree_light) == 8,
                "tree_light.glsl reads two columns of four");
 
+/* The planes as polygons: cut along each other (cloud_order.h), or whole, for trees so small that it does not
+ * show and triangles are what they cost. */
+enum cut { CUT, WHOLE, CUTS };
+struct plane_list {
+    GLuint array, vertices, indices;
+    size_t list; /* indices a bin */
+};
+
 /* A species in a form. */
 struct form_species {
     bool built;
     struct sv_cloud_textures textures;
-    GLuint array, vertices, indices;
-    size_t list; /* indices a bin */
+    struct plane_list planes[CUTS];
     size_t bytes;
 };
 
@@ -90,8 +101,8 @@ struct sv_cloud_draw {
     /* What is drawn, in order: heap, room entries each. */
     struct instance *staging;
     struct sv_tree_light *light_staging;
-    uint32_t *keys, *scratch; /* keys: species * BINS + bin of what is staged */
-    uint32_t *counts;         /* species_count * BINS + 1 */
+    uint32_t *keys, *scratch; /* keys: species * KEYS + cut * BINS + bin of what is staged */
+    uint32_t *counts;         /* species_count * KEYS + 1 */
     uint32_t room;
 };
 
@@ -314,7 +325,8 @@ static void set_attributes(const struct sv_cloud_draw *draw)
 
 /* Vertices of all parts, and their order for each bin. */
 static enum sv_status build_lists(const struct sv_cloud_draw *draw, const struct sv_tree_cloud *cloud,
-                                  const struct sv_cloud_order *order, struct form_species *f,
+                                  const struct sv_cloud_order *order,
+                                  const struct sv_cloud_textures *textures, struct plane_list *f,
                                   struct cloud_vertex **vertices, uint16_t **indices, int *vertex_count,
                                   struct sv_error *error)
 {
@@ -331,7 +343,7 @@ static enum sv_status build_lists(const struct sv_cloud_draw *draw, const struct
     *indices = malloc((BINS * f->list + 1) * sizeof **indices);
     bool made = scratch && *vertices && *indices && corners <= UINT16_MAX;
     for (size_t k = 0; made && k < parts; k++)
-        put_part(cloud, &order->parts[k], &f->textures, *vertices + first[k]);
+        put_part(cloud, &order->parts[k], textures, *vertices + first[k]);
     for (int bin = 0; made && bin < BINS; bin++)
         put_order(order, cloud, draw->bins[bin], first, scratch, *indices + (size_t)bin * f->list);
     free(scratch);
@@ -339,7 +351,7 @@ static enum sv_status build_lists(const struct sv_cloud_draw *draw, const struct
 }
 
 static void upload_planes(const struct sv_cloud_draw *draw, const struct cloud_vertex *vertices,
-                          int vertex_count, const uint16_t *indices, struct form_species *f)
+                          int vertex_count, const uint16_t *indices, struct plane_list *f)
 {
     size_t vertex_bytes = (size_t)vertex_count * sizeof *vertices,
            index_bytes = BINS * f->list * sizeof *indices;
@@ -353,30 +365,43 @@ static void upload_planes(const struct sv_cloud_draw *draw, const struct cloud_v
     gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)index_bytes, indices, GL_STATIC_DRAW);
     set_attributes(draw);
     gl.BindVertexArray(0);
-    f->bytes = vertex_bytes + index_bytes;
+}
+
+static enum sv_status build_list(const struct sv_cloud_draw *draw, const struct sv_tree_cloud *cloud,
+                                 const struct sv_cloud_part *outlines, int count, float reach,
+                                 struct form_species *f, struct plane_list *planes, struct sv_error *error)
+{
+    struct sv_cloud_order order = {0};
+    struct cloud_vertex *vertices = NULL;
+    uint16_t *indices = NULL;
+    int vertex_count = 0;
+    enum sv_status status = sv_cloud_order_build(cloud, outlines, count, reach, &order, error);
+    if (!status)
+        status =
+            build_lists(draw, cloud, &order, &f->textures, planes, &vertices, &indices, &vertex_count, error);
+    if (!status)
+        upload_planes(draw, vertices, vertex_count, indices, planes);
+    f->bytes += (size_t)vertex_count * sizeof *vertices + BINS * planes->list * sizeof *indices;
+    free(vertices);
+    free(indices);
+    sv_cloud_order_finish(&order);
+    return status;
 }
 
 static enum sv_status build_planes(const struct sv_cloud_draw *draw, const struct sv_tree_cloud *cloud,
                                    struct form_species *f, struct sv_error *error)
 {
+    static const float reach[CUTS] = {[CUT] = SV_CLOUD_ORDER_REACH, [WHOLE] = INFINITY};
     struct sv_cloud_part outlines[SV_CLOUD_PLANES_MAX];
-    struct sv_cloud_order order = {0};
-    struct cloud_vertex *vertices = NULL;
-    uint16_t *indices = NULL;
-    int shown = 0, vertex_count = 0;
+    enum sv_status status = SV_OK;
+    int shown = 0;
     for (int k = 0; k < cloud->plane_count; k++)
         if (cloud->planes[k].piece_count > 0 && f->textures.outline[k][0] > -1e6f) {
             outlines[shown] = outline_of(&cloud->planes[k], k, &f->textures);
             shown += outlines[shown].count >= 3;
         }
-    enum sv_status status = sv_cloud_order_build(cloud, outlines, shown, &order, error);
-    if (!status)
-        status = build_lists(draw, cloud, &order, f, &vertices, &indices, &vertex_count, error);
-    if (!status)
-        upload_planes(draw, vertices, vertex_count, indices, f);
-    free(vertices);
-    free(indices);
-    sv_cloud_order_finish(&order);
+    for (int cut = 0; !status && cut < CUTS; cut++)
+        status = build_list(draw, cloud, outlines, shown, reach[cut], f, &f->planes[cut], error);
     return status;
 }
 
@@ -465,7 +490,7 @@ enum sv_status sv_cloud_draw_create(const struct sv_tree_draw_species *species, 
     struct sv_cloud_draw *draw = calloc(1, sizeof *draw);
     if (draw) {
         draw->species = calloc((size_t)species_count + 1, sizeof *draw->species);
-        draw->counts = calloc((size_t)species_count * BINS + 1, sizeof *draw->counts);
+        draw->counts = calloc((size_t)species_count * KEYS + 1, sizeof *draw->counts);
     }
     if (!draw || !draw->species || !draw->counts) {
         sv_cloud_draw_destroy(draw);
@@ -502,9 +527,11 @@ void sv_cloud_draw_destroy(struct sv_cloud_draw *draw)
         for (int form = 0; form < SV_CLOUD_FORM_COUNT; form++) {
             struct form_species *f = &draw->species[k].forms[form];
             gl.DeleteTextures(SV_CLOUD_TEXTURES_MAX, f->textures.name);
-            gl.DeleteVertexArrays(1, &f->array);
-            gl.DeleteBuffers(1, &f->vertices);
-            gl.DeleteBuffers(1, &f->indices);
+            for (int cut = 0; cut < CUTS; cut++) {
+                gl.DeleteVertexArrays(1, &f->planes[cut].array);
+                gl.DeleteBuffers(1, &f->planes[cut].vertices);
+                gl.DeleteBuffers(1, &f->planes[cut].indices);
+            }
         }
     }
     for (int form = 0; form < SV_CLOUD_FORM_COUNT; form++)
@@ -650,14 +677,15 @@ static uint32_t key_of(const struct sv_cloud_draw *draw, const struct batch *b, 
     model_view(b->camera, tree, d);
     for (int c = 0; c < 3; c++)
         d[c] *= side;
-    return tree->species * (uint32_t)BINS + (uint32_t)bin_of(draw, d);
+    uint32_t cut = sv_cull_height_px(b->camera, tree) < WHOLE_PX ? WHOLE : CUT;
+    return tree->species * (uint32_t)KEYS + cut * BINS + (uint32_t)bin_of(draw, d);
 }
 
 /* Stages entries first .. first + count sorted by key, order kept within one, from `at` on. */
 static void stage_group(struct sv_cloud_draw *draw, const struct batch *b, uint32_t first, uint32_t count,
                         uint32_t at)
 {
-    uint32_t key_count = (uint32_t)draw->species_count * BINS;
+    uint32_t key_count = (uint32_t)draw->species_count * KEYS;
     memset(draw->counts, 0, (key_count + 1) * sizeof *draw->counts);
     for (uint32_t i = 0; i < count; i++) {
         draw->scratch[i] = key_of(draw, b, first + i, 1);
@@ -703,10 +731,10 @@ static void upload_instances(const struct sv_cloud_draw *draw, uint32_t count, b
                   GL_STREAM_DRAW);
 }
 
-static void bind_species(const struct form_species *f, float translucency,
+static void bind_species(const struct form_species *f, const struct plane_list *planes, float translucency,
                          const struct sv_tree_light_axes *axes)
 {
-    gl.BindVertexArray(f->array);
+    gl.BindVertexArray(planes->array);
     for (int k = 0; k < SV_CLOUD_TEXTURES_MAX; k++) {
         if (!f->textures.name[k])
             continue;
@@ -730,23 +758,24 @@ static void bind_species(const struct form_species *f, float translucency,
 static void draw_pass(const struct sv_cloud_draw *draw, const struct batch *b, enum pass pass, uint32_t first)
 {
     const struct sv_tree_light_axes *axes = b->lights.of_tree ? b->lights.of_species : NULL;
-    int bound = -1;
+    int bound = -1; /* species and cut */
     gl.UseProgram(draw->programs[b->form][pass][axes != NULL]);
     gl.Uniform1f(UNIFORM_EDGE_ON, EDGE_ON);
     for (uint32_t i = first, run; i < first + b->count; i += run) {
         uint32_t key = draw->keys[i];
-        int species = (int)(key / BINS);
+        int species = (int)(key / KEYS);
         const struct cloud_species *s = &draw->species[draw->species[species].owner];
         const struct form_species *f = &s->forms[b->form];
         for (run = 1; i + run < first + b->count && draw->keys[i + run] == key;)
             run++;
-        if (f->list == 0)
+        const struct plane_list *planes = &f->planes[key / BINS % CUTS];
+        if (planes->list == 0)
             continue;
-        if (bound != species)
-            bind_species(f, s->light.translucency, axes ? &axes[species] : NULL);
-        bound = species;
-        gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)f->list, GL_UNSIGNED_SHORT,
-                                             (const void *)(key % BINS * f->list * sizeof(uint16_t)),
+        if (bound != (int)(key / BINS))
+            bind_species(f, planes, s->light.translucency, axes ? &axes[species] : NULL);
+        bound = (int)(key / BINS);
+        gl.DrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)planes->list, GL_UNSIGNED_SHORT,
+                                             (const void *)(key % BINS * planes->list * sizeof(uint16_t)),
                                              (GLsizei)run, i);
     }
 }
