@@ -405,7 +405,8 @@ enum sv_status sv_billboards_load(const void *data, size_t bytes, struct sv_bill
     for (int k = 0; k < SV_BILLBOARD_LEVELS_MAX; k++)
         sound = sound && b.bar[k] >= 0 && b.bar[k] <= 1;
     for (int k = 0; k < b.plane_count * SV_BILLBOARD_OUTLINE; k++)
-        sound = sound && b.outline[0][k] <= 2; /* -INFINITY: nothing is shown */
+        sound = sound && b.outline[k / SV_BILLBOARD_OUTLINE][k % SV_BILLBOARD_OUTLINE] <=
+                             2; /* -INFINITY: nothing is shown */
     if (!sound)
         return sv_fail(error, SV_EFORMAT, "billboards", "a number of the billboard textures is out of range");
     b.data = malloc(b.bytes);

@@ -216,7 +216,8 @@ bool sv_cloud_light_sound(const struct sv_cloud_light *light)
     for (int v = 0; v < VIEWS; v++) {
         sound = sound && light->sky[v] >= 0.49f && light->sky[v] <= 2.01f && fabsf(light->lift[v]) <= 0.51f;
         for (int k = 0; k < SUNS * TURNS; k++)
-            sound = sound && light->sun[v][0][k] >= 0.49f && light->sun[v][0][k] <= 2.01f;
+            sound = sound && light->sun[v][k / TURNS][k % TURNS] >= 0.49f &&
+                    light->sun[v][k / TURNS][k % TURNS] <= 2.01f;
     }
     return sound;
 }

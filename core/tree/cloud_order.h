@@ -25,11 +25,17 @@ struct sv_cloud_order {
     int node_count, root;
 };
 
+/* reach: a part that reaches less than this past another plane (tree heights) is not cut by it; INFINITY:
+ * none is, and order is that of middles. Oak and spruce: 0.001 makes 4,000 triangles a tree, 0.04 1,400, 0.1
+ * 470 (uncut octagons 144), and the error against the truth is the same to a hundredth. */
+#define SV_CLOUD_ORDER_REACH 0.1f
+
 /* Cuts outlines (one a plane that shows anything: convex, at least three corners) along each other. Beyond
  * SV_CLOUD_PARTS_MAX parts no more are cut, and order is that of their middles. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_cloud_order_build(const struct sv_tree_cloud *cloud,
                                                   const struct sv_cloud_part *outlines, int count,
-                                                  struct sv_cloud_order *order, struct sv_error *error);
+                                                  float reach, struct sv_cloud_order *order,
+                                                  struct sv_error *error);
 void sv_cloud_order_finish(struct sv_cloud_order *order); /* legal on a zeroed one */
 /* Indices of all parts from the farthest to the nearest, for a viewer far off in that direction (model
  * space); out: part_count. */

@@ -510,7 +510,7 @@ static void parts_are_painted_in_order(void **state)
             (struct sv_cloud_part){k, 4, {{-h[0], -h[1]}, {h[0], -h[1]}, {h[0], h[1]}, {-h[0], h[1]}}};
         whole += 4 * (double)h[0] * (double)h[1];
     }
-    must(sv_cloud_order_build(&t.cloud, outlines, 24, &order, &error), &error);
+    must(sv_cloud_order_build(&t.cloud, outlines, 24, SV_CLOUD_ORDER_REACH, &order, &error), &error);
     assert_in_range(order.part_count, 24, SV_CLOUD_PARTS_MAX);
     for (int k = 0; k < order.part_count; k++) {
         const struct sv_cloud_part *p = &order.parts[k];
