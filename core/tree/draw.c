@@ -353,6 +353,16 @@ size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_
 enum sv_status sv_tree_draw_prepare(const struct sv_tree_draw_species *species, struct sv_store *store,
                                     struct sv_error *error)
 {
+    struct sv_sprite_draw *sprites = NULL;
+    struct sv_leaf_splat *leaves = NULL;
+    struct sv_ladder ladder;
     sv_color_init();
-    return sv_sprite_prepare(species, store, error);
+    enum sv_status status = sv_sprite_draw_create(species, 1, store, &sprites, error);
+    if (!status)
+        status = sv_leaf_splat_create(species, 1, &leaves, error);
+    if (!status)
+        status = sv_ladder_obtain(sprites, leaves, 0, species, store, &ladder, error);
+    sv_leaf_splat_destroy(leaves);
+    sv_sprite_draw_destroy(sprites);
+    return status;
 }

@@ -235,10 +235,9 @@ static bool is_far(const struct sv_ladder *ladder, double size_px, double error_
 double sv_ladder_near_px(const struct sv_ladder *ladder, double error_px)
 {
     /* From above, so that what is nearer than a tree of leaves is one too. Steps of a 16th of a rung. */
-    double top = (double)sv_ladder_size_px(SV_LADDER_SIZES - 1), size = top;
-    while (is_far(ladder, size, error_px) && size < 64 * top)
-        size *= 1.0443; /* 2^(1/16) */
-    while (size > (double)FIRST_SIZE_PX && !is_far(ladder, size / 1.0443, error_px))
-        size /= 1.0443;
+    const double step = 1.0443, first = (double)FIRST_SIZE_PX; /* 2^(1/16) */
+    double size = SV_LADDER_MAGNIFIED_PX;
+    while (size > first && !is_far(ladder, size / step, error_px))
+        size /= step;
     return size;
 }

@@ -17,9 +17,13 @@
 #include "core/tree/sprite.h"
 
 /* Kind of the blob in the store; the digit is raised whenever forms or measure change. */
-#define SV_LADDER_KIND "ladder1"
+#define SV_LADDER_KIND "ladder2"
 
-enum { SV_LADDER_SIZES = 7, SV_LADDER_VIEWS = 4 };
+enum { SV_LADDER_SIZES = 6, SV_LADDER_VIEWS = 4 };
+/* From this size on a sprite's texels would be larger than 1.25 px: it would be a blurred enlargement beside sharp
+ * ground, whatever its mean error is. */
+#define SV_LADDER_MAGNIFIED_PX 320.0
+
 enum sv_ladder_form { SV_LADDER_SPRITE, SV_LADDER_LEAF, SV_LADDER_FORMS };
 
 struct sv_ladder {
@@ -42,8 +46,8 @@ SV_MUST_CHECK enum sv_status sv_ladder_obtain(struct sv_sprite_draw *sprites, st
 /* The error of a form at a size: between rungs linear over the size's logarithm, held at the first; beyond the
  * last a sprite's grows with the root of the size, as it does before (its texels get larger), the leaves' stays. */
 double sv_ladder_error_px(const struct sv_ladder *ladder, enum sv_ladder_form form, double size_px);
-/* The size from which on sprites are off by more than error_px (> 0) and leaves would be better: those trees are
- * drawn leaf by leaf. */
+/* The size from which on sprites are off by more than error_px (> 0) and leaves would be better, but at most
+ * SV_LADDER_MAGNIFIED_PX: those trees are drawn leaf by leaf. */
 double sv_ladder_near_px(const struct sv_ladder *ladder, double error_px);
 
 #endif
