@@ -115,7 +115,7 @@ static bool make_casters(struct sv_relief_shade *shade)
         c->height = (shade->object->face[k].height + 1) / 2;
         texels = (size_t)c->width * (size_t)c->height;
         cells = (size_t)(c->width + 1) * (size_t)(c->height + 1);
-        bytes += texels * CASTER_BYTES + cells + 16;
+        bytes += (texels * CASTER_BYTES + cells + SV_RELIEF_RIMS_SLACK + 15) / 16 * 16;
     }
     uint8_t *at = shade->casters = malloc(bytes);
     for (int k = 0; at && k < SV_RELIEF_FACES; k++) {
@@ -129,7 +129,7 @@ static bool make_casters(struct sv_relief_shade *shade)
         c->normal[2] = c->normal[1] + texels;
         c->rims = (uint8_t *)(c->normal[2] + texels);
         fill_caster(shade->object, k, c);
-        at += (texels * CASTER_BYTES + cells + 15) / 16 * 16;
+        at += (texels * CASTER_BYTES + cells + SV_RELIEF_RIMS_SLACK + 15) / 16 * 16;
     }
     return shade->casters != NULL;
 }

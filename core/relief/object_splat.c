@@ -4,18 +4,14 @@
  * A cell that lacks one of its four texels is drawn piece by piece, some thirty times as dear as a full one.
  * Where a face's kept texels end because another face goes on with the surface, what such a cell would add is
  * drawn there: the `rims` of an object (object_rims.c) tell which cells are needed. */
-#include "core/relief/object_splat.h"
+#include "core/relief/object_splat_kernel.h"
 
 #include <emmintrin.h>
+#include <math.h>
 #include <string.h>
-
-#include "core/relief/warp_kernel.h"
 
 /* Cells larger than this are rare, and drawn row by row. */
 #define LARGE_PX 64.0f
-/* |e1 x e2| over the square of all their lengths, below which a cell is seen edge-on: 0.05 px wide at 10 px.
- */
-#define EDGE_ON (1.0f / 4096)
 enum { COLUMNS = SV_WARP_STRIP, BEYOND = 8 /* entries that vector stores may run over */ };
 
 static void set_nothing(struct sv_warp_row *row, int from, int to)
@@ -55,6 +51,7 @@ struct triangle {
     float x, y, d, e1[3], e2[3]; /* e: by x, y, d */
     float s, r, s1, r2;          /* place of the corner; what edge 1 adds to s, edge 2 to r */
     float turn;                  /* sign of edge 1 x edge 2 when it faces the eye */
+    float d_min, d_max;          /* what depth it may have */
     bool doubled;                /* the parallelogram instead */
     uint32_t texel, full;
 };
@@ -90,7 +87,7 @@ static void draw_four(struct sv_warp_job *job, const struct triangle *t, size_t 
     _mm_storeu_ps(r, r4);
     for (; mask; mask &= mask - 1) {
         int k = __builtin_ctz((unsigned)mask);
-        float d = min2(max2(t->d + s[k] * t->e1[2] + r[k] * t->e2[2], 0), 1);
+        float d = min2(max2(t->d + s[k] * t->e1[2] + r[k] * t->e2[2], t->d_min), t->d_max);
         job->pixels += sv_warp_put(to, p + (size_t)k, d, t->texel,
                                    sv_warp_place(t->s + s[k] * t->s1, t->r + r[k] * t->r2, t->full));
     }
@@ -102,7 +99,7 @@ static void draw_triangle(struct sv_warp_job *job, const struct triangle *t)
     const struct sv_warp_buffer *b = job->buffer;
     float e1x = t->e1[0], e1y = t->e1[1], e2x = t->e2[0], e2y = t->e2[1], det = e1x * e2y - e1y * e2x;
     float size = fabsf(e1x) + fabsf(e1y) + fabsf(e2x) + fabsf(e2y);
-    if (!(det * t->turn > size * size * EDGE_ON) || !(size <= 2 * LARGE_PX))
+    if (!(det * t->turn > size * size * SV_RELIEF_EDGE_ON) || !(size <= 2 * LARGE_PX))
         return;
     float bx = t->doubled ? e1x + e2x : 0, by = t->doubled ? e1y + e2y : 0;
     int j0 = first_pixel(t->y + min2(min2(0, e1y), min2(e2y, by)));
@@ -127,81 +124,121 @@ static void draw_triangle(struct sv_warp_job *job, const struct triangle *t)
     }
 }
 
-/* A full cell that the kernels leave (large, or far from a parallelogram), by its own coordinates (s, r): its
- * corners are (0, 0), (1, 0), (0, 1), (s3, r3). False: it is neither convex nor small, or folded in the
- * picture. */
-static bool draw_quad(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
-                      int c)
+/* Corner k of a full cell is texel k & 1 of row k >> 1. */
+struct corners {
+    float x[4], y[4], d[4];
+    uint32_t texel;
+};
+
+static struct corners corners_of(const struct sv_warp_job *job, const struct sv_warp_row *up,
+                                 const struct sv_warp_row *lo, int c)
 {
-    float x0 = up->x[c], y0 = up->y[c], e1x = up->x[c + 1] - x0, e1y = up->y[c + 1] - y0;
-    float e2x = lo->x[c] - x0, e2y = lo->y[c] - y0, e3x = lo->x[c + 1] - x0, e3y = lo->y[c + 1] - y0;
-    float det = e1x * e2y - e1y * e2x, det_far = (e3x - e2x) * (e3y - e1y) - (e3y - e2y) * (e3x - e1x);
-    if (det <= 0 && det_far <= 0)
-        return true; /* turned away */
-    float left = min2(min2(0, e1x), min2(e2x, e3x)), right = max2(max2(0, e1x), max2(e2x, e3x));
-    float top = min2(min2(0, e1y), min2(e2y, e3y)), bottom = max2(max2(0, e1y), max2(e2y, e3y));
-    float inverse = 1 / det, s3 = (e3x * e2y - e3y * e2x) * inverse, r3 = (e3y * e1x - e3x * e1y) * inverse;
-    if (!(det > (right - left) * (bottom - top) * EDGE_ON && right - left <= LARGE_PX &&
-          bottom - top <= LARGE_PX) ||
-        !(s3 > 0 && r3 > 0 && s3 + r3 > 1 && s3 < 8 && r3 < 8))
-        return false;
-    const struct sv_warp_buffer *b = job->buffer;
-    struct triangle t = {.d = up->d[c], .s1 = 1, .r2 = 1, .texel = job->tag0 + (uint32_t)c, .full = 1};
-    t.e1[2] = up->d[c + 1] - t.d;
-    t.e2[2] = lo->d[c] - t.d;
-    int j0 = first_pixel(y0 + top), j1 = last_pixel(y0 + bottom, b->height);
-    int i0 = first_pixel(x0 + left), i1 = last_pixel(x0 + right, b->width);
-    const __m128 s_x = _mm_set1_ps(e2y * inverse), r_x = _mm_set1_ps(-e1y * inverse);
-    const __m128 low = _mm_set1_ps(-SV_WARP_EDGE), one = _mm_set1_ps(1), s_3 = _mm_set1_ps(s3),
-                 r_3 = _mm_set1_ps(r3);
-    const __m128 s_31 = _mm_set1_ps(s3 - 1), r_31 = _mm_set1_ps(r3 - 1);
-    const __m128 dx0 = _mm_add_ps(_mm_set1_ps((float)i0 + 0.5f - x0), _mm_setr_ps(0, 1, 2, 3));
-    for (int j = j0; j <= j1; j++) {
-        float dy = (float)j + 0.5f - y0;
-        __m128 s0 = _mm_set1_ps(-dy * e2x * inverse), r0 = _mm_set1_ps(dy * e1x * inverse), dx = dx0;
-        for (int i = i0; i <= i1; i += 4, dx = _mm_add_ps(dx, _mm_set1_ps(4))) {
-            __m128 s = _mm_add_ps(s0, _mm_mul_ps(dx, s_x)), r = _mm_add_ps(r0, _mm_mul_ps(dx, r_x));
+    struct corners q = {.texel = job->tag0 + (uint32_t)c};
+    for (int k = 0; k < 4; k++) {
+        const struct sv_warp_row *row = k < 2 ? up : lo;
+        q.x[k] = row->x[c + (k & 1)];
+        q.y[k] = row->y[c + (k & 1)];
+        q.d[k] = row->d[c + (k & 1)];
+    }
+    return q;
+}
+
+static float least_of(const float v[4])
+{
+    return min2(min2(v[0], v[1]), min2(v[2], v[3]));
+}
+
+static float most_of(const float v[4])
+{
+    return max2(max2(v[0], v[1]), max2(v[2], v[3]));
+}
+
+/* Pixels of an axis whose centres lie in [lo, hi], as the kernels have them: the number may be below 0. */
+static int pixel_range(float lo, float hi, int size, int *first)
+{
+    float a = ceilf(max2(lo - 0.5f, 0)), b = floorf(min2(hi - 0.5f, (float)(size - 1)));
+    *first = (int)a;
+    return (int)(b - a + 1);
+}
+
+/* A quadrilateral as it is asked for pixels: (s, r) = (dx sx - dy sy, dy ry - dx rx) from corner 0; its
+ * corners are (0, 0), (1, 0), (0, 1), (s3, r3). */
+struct quad {
+    float x0, y0, sx, sy, rx, ry, s3, r3;
+    int i0, j0, nx, ny;
+};
+
+static void quad_pixels(struct sv_warp_job *job, const struct quad *q, const struct triangle *t)
+{
+    const __m128 sx = _mm_set1_ps(q->sx), rx = _mm_set1_ps(q->rx), one = _mm_set1_ps(1);
+    const __m128 low = _mm_set1_ps(-SV_WARP_EDGE), s3 = _mm_set1_ps(q->s3), r3 = _mm_set1_ps(q->r3);
+    const __m128 s31 = _mm_sub_ps(s3, one), r31 = _mm_sub_ps(r3, one);
+    const __m128 dx0 = _mm_set1_ps(((float)q->i0 + 0.5f) - q->x0), lane = _mm_setr_ps(0, 1, 2, 3);
+    for (int ky = 0; ky < q->ny; ky++) {
+        float dy = (((float)q->j0 + 0.5f) - q->y0) + (float)ky;
+        const __m128 sy = _mm_set1_ps(dy * q->sy), ry = _mm_set1_ps(dy * q->ry);
+        size_t p = (size_t)(q->j0 + ky) * (size_t)job->buffer->width + (size_t)q->i0;
+        for (int kx = 0; kx < q->nx; kx += 4) {
+            __m128 dx = _mm_add_ps(dx0, _mm_add_ps(_mm_set1_ps((float)kx), lane));
+            __m128 s = _mm_sub_ps(_mm_mul_ps(dx, sx), sy), r = _mm_sub_ps(ry, _mm_mul_ps(dx, rx));
             /* Beyond the edges (1, 0) - (s3, r3) and (0, 1) - (s3, r3)? */
-            __m128 a = _mm_sub_ps(_mm_mul_ps(s_31, r), _mm_mul_ps(r_3, _mm_sub_ps(s, one)));
-            __m128 e = _mm_sub_ps(_mm_mul_ps(r_31, s), _mm_mul_ps(s_3, _mm_sub_ps(r, one)));
+            __m128 a = _mm_sub_ps(_mm_mul_ps(s31, r), _mm_mul_ps(r3, _mm_sub_ps(s, one)));
+            __m128 e = _mm_sub_ps(_mm_mul_ps(r31, s), _mm_mul_ps(s3, _mm_sub_ps(r, one)));
             __m128 least = _mm_min_ps(_mm_min_ps(s, r), _mm_min_ps(a, e));
-            int mask = _mm_movemask_ps(_mm_cmpge_ps(least, low)) & (i1 - i < 3 ? (2 << (i1 - i)) - 1 : 15);
+            int left = q->nx - kx, inside = left < 4 ? (1 << left) - 1 : 15;
+            int mask = _mm_movemask_ps(_mm_cmpge_ps(least, low)) & inside;
             if (mask)
-                draw_four(job, &t, (size_t)j * (size_t)b->width + (size_t)i, mask, _mm_min_ps(s, one),
-                          _mm_min_ps(r, one));
+                draw_four(job, t, p + (size_t)kx, mask, _mm_min_ps(s, one), _mm_min_ps(r, one));
         }
     }
+}
+
+/* A full cell that the kernels leave (large, or far from a parallelogram), by its own coordinates. False: it
+ * is neither convex nor small, or folded in the picture. */
+static bool draw_quad(struct sv_warp_job *job, const struct corners *c)
+{
+    struct quad q = {.x0 = c->x[0], .y0 = c->y[0]};
+    float e1x = c->x[1] - q.x0, e1y = c->y[1] - q.y0, e2x = c->x[2] - q.x0, e2y = c->y[2] - q.y0;
+    float e3x = c->x[3] - q.x0, e3y = c->y[3] - q.y0, det = e1x * e2y - e1y * e2x, inverse = 1 / det;
+    float det_far = (e3x - e2x) * (e3y - e1y) - (e3y - e2y) * (e3x - e1x);
+    float x0 = least_of(c->x), x1 = most_of(c->x), y0 = least_of(c->y), y1 = most_of(c->y);
+    if (det <= 0 && det_far <= 0)
+        return true; /* turned away */
+    q.sx = e2y * inverse, q.sy = e2x * inverse, q.rx = e1y * inverse, q.ry = e1x * inverse;
+    q.s3 = e3x * q.sx - e3y * q.sy, q.r3 = e3y * q.ry - e3x * q.rx;
+    if (!(det > (x1 - x0) * (y1 - y0) * SV_RELIEF_EDGE_ON && x1 - x0 <= LARGE_PX && y1 - y0 <= LARGE_PX) ||
+        !(q.s3 > 0 && q.r3 > 0 && q.s3 + q.r3 > 1 && q.s3 < 8 && q.r3 < 8))
+        return false;
+    q.nx = pixel_range(x0, x1, job->buffer->width, &q.i0);
+    q.ny = pixel_range(y0, y1, job->buffer->height, &q.j0);
+    struct triangle t = {.d = c->d[0], .s1 = 1, .r2 = 1, .texel = c->texel, .full = 1};
+    t.e1[2] = c->d[1] - t.d;
+    t.e2[2] = c->d[2] - t.d;
+    t.d_min = least_of(c->d);
+    t.d_max = most_of(c->d);
+    quad_pixels(job, &q, &t);
     return true;
 }
 
-static void edge_between(const struct sv_warp_row *a, int from, const struct sv_warp_row *b, int to,
-                         float e[3])
+static void edge_between(const struct corners *c, int from, int to, float e[3])
 {
-    e[0] = b->x[to] - a->x[from];
-    e[1] = b->y[to] - a->y[from];
-    e[2] = b->d[to] - a->d[from];
+    e[0] = c->x[to] - c->x[from];
+    e[1] = c->y[to] - c->y[from];
+    e[2] = c->d[to] - c->d[from];
 }
 
-/* A full cell that the kernels leave (large, or far from a parallelogram): two triangles. False: too large.
- */
-static bool draw_full(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
-                      int c)
+/* A full cell that draw_quad leaves: two triangles. False: too large. */
+static bool draw_full(struct sv_warp_job *job, const struct corners *c)
 {
-    struct triangle t = {.x = up->x[c], .y = up->y[c], .d = up->d[c], .s1 = 1, .r2 = 1, .turn = 1, .full = 1};
-    struct triangle far = {.x = lo->x[c + 1],
-                           .y = lo->y[c + 1],
-                           .d = lo->d[c + 1],
-                           .s = 1,
-                           .r = 1,
-                           .s1 = -1,
-                           .r2 = -1,
-                           .turn = 1,
-                           .full = 1};
-    t.texel = far.texel = job->tag0 + (uint32_t)c;
-    edge_between(up, c, up, c + 1, t.e1);
-    edge_between(up, c, lo, c, t.e2);
-    edge_between(lo, c + 1, lo, c, far.e1);
-    edge_between(lo, c + 1, up, c + 1, far.e2);
+    struct triangle t = {.x = c->x[0], .y = c->y[0], .d = c->d[0], .s1 = 1, .r2 = 1, .turn = 1, .full = 1};
+    struct triangle far = {
+        .x = c->x[3], .y = c->y[3], .d = c->d[3], .s = 1, .r = 1, .s1 = -1, .r2 = -1, .turn = 1, .full = 1};
+    t.d_max = far.d_max = 1;
+    t.texel = far.texel = c->texel;
+    edge_between(c, 0, 1, t.e1);
+    edge_between(c, 0, 2, t.e2);
+    edge_between(c, 3, 2, far.e1);
+    edge_between(c, 3, 1, far.e2);
     float reach = fabsf(t.e1[0]) + fabsf(t.e1[1]) + fabsf(t.e2[0]) + fabsf(t.e2[1]);
     reach = max2(reach, fabsf(far.e1[0]) + fabsf(far.e1[1]) + fabsf(far.e2[0]) + fabsf(far.e2[1]));
     if (!(reach <= LARGE_PX))
@@ -246,6 +283,7 @@ static void draw_quarters(struct sv_warp_job *job, const struct sv_warp_row *up,
                     across[3] = {row->x[beside], row->y[beside], row->d[beside]};
         const float along[3] = {other->x[e], other->y[e], other->d[e]};
         struct triangle q = {.x = here[0], .y = here[1], .d = here[2], .s = 0.5f, .r = 0.5f, .doubled = true};
+        q.d_max = 1;
         q.turn = k == 1 || k == 2 ? -1 : 1;
         q.s1 = k & 1 ? -0.5f : 0.5f;
         q.r2 = k >> 1 ? -0.5f : 0.5f;
@@ -256,37 +294,100 @@ static void draw_quarters(struct sv_warp_job *job, const struct sv_warp_row *up,
     }
 }
 
-/* Cells between two rows; rim: of the first cell. */
-static void draw_cells(const struct sv_warp_kernel *kernel, struct sv_warp_job *job,
-                       const struct sv_warp_row *up, const struct sv_warp_row *lo, int n, const uint8_t *rim)
+/* What a splat holds on to. */
+struct work {
+    const struct sv_warp_kernel *kernel;
+    struct sv_warp_job job;
+    bool wide; /* AVX2: small full cells wait until eight are together */
+    struct sv_relief_waiting waiting;
+    uint16_t listed[SV_RELIEF_WAITING_ROOM];
+};
+
+static void draw_full_cell(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo,
+                           int c)
 {
-    uint16_t slow[SV_WARP_STRIP];
-    struct sv_warp_buffer *buffer = job->buffer;
+    struct corners q = corners_of(&work->job, up, lo, c);
+    if (!draw_quad(&work->job, &q) && !draw_full(&work->job, &q))
+        sv_warp_cell(&work->job, up, lo, c);
+}
+
+/* Cells that are drawn one by one, of those between two rows. */
+static void draw_left(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
+                      const uint8_t *rim)
+{
+    int listed = work->kernel->cells(&work->job, up, lo, n, work->listed);
+    for (int k = 0; k < listed; k++) {
+        int c = work->listed[k];
+        bool full = is_full(up, lo, c, work->job.source->cut);
+        if (rim[c] != (full ? SV_RELIEF_CELL_FULL : SV_RELIEF_CELL_RIM))
+            continue; /* not needed, or not full only for what is turned away */
+        if (full)
+            draw_full_cell(work, up, lo, c);
+        else
+            draw_quarters(&work->job, up, lo, c);
+    }
+}
+
+/* Draws the first `count` cells that wait, and moves the others to their place. */
+static void draw_waiting(struct work *work, int count)
+{
+    struct sv_relief_waiting *w = &work->waiting;
+    int listed = sv_relief_draw_waiting_avx2(&work->job, w, count, work->listed), rest = w->count - count;
+    for (int k = 0; k < listed; k++) {
+        int at = work->listed[k];
+        struct corners q = {.texel = w->texel[at]};
+        for (int i = 0; i < 4; i++)
+            q.x[i] = w->x[i][at], q.y[i] = w->y[i][at], q.d[i] = w->d[i][at];
+        draw_full(&work->job, &q); /* small */
+    }
+    for (int i = 0; i < 4; i++) {
+        memmove(w->x[i], w->x[i] + count, (size_t)rest * sizeof(float));
+        memmove(w->y[i], w->y[i] + count, (size_t)rest * sizeof(float));
+        memmove(w->d[i], w->d[i] + count, (size_t)rest * sizeof(float));
+    }
+    memmove(w->texel, w->texel + count, (size_t)rest * sizeof(uint32_t));
+    memmove(w->needed, w->needed + count, (size_t)rest * sizeof(uint32_t));
+    w->count = rest;
+}
+
+static void put_off(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
+                    const uint8_t *rim)
+{
+    int listed = sv_relief_put_off_avx2(&work->job, up, lo, n, rim, &work->waiting, work->listed);
+    for (int k = 0; k < listed; k++) {
+        int c = work->listed[k];
+        if (rim[c] == SV_RELIEF_CELL_FULL)
+            draw_full_cell(work, up, lo, c);
+        else
+            draw_quarters(&work->job, up, lo, c);
+    }
+    if (work->waiting.count >= SV_RELIEF_WAITING)
+        draw_waiting(work, work->waiting.count & ~7);
+}
+
+/* Cells between two rows; rim: of the first cell. */
+static void draw_cells(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
+                       const uint8_t *rim)
+{
+    struct sv_warp_buffer *buffer = work->job.buffer;
     float x0 = min2(up->min_x, lo->min_x), x1 = max2(up->max_x, lo->max_x);
     float y0 = min2(up->min_y, lo->min_y), y1 = max2(up->max_y, lo->max_y);
     const float reach = LARGE_PX; /* of what a cell covers beyond its texels' centres */
     if (!(x0 <= x1) || !(x1 >= -reach && y1 >= -reach && x0 <= (float)buffer->width + reach &&
                          y0 <= (float)buffer->height + reach))
         return;
-    int listed = kernel->cells(job, up, lo, n, slow);
-    for (int k = 0; k < listed; k++) {
-        int c = slow[k];
-        bool full = is_full(up, lo, c, job->source->cut);
-        if (rim[c] != (full ? SV_RELIEF_CELL_FULL : SV_RELIEF_CELL_RIM))
-            continue; /* not needed, or not full only for what is turned away */
-        if (!full)
-            draw_quarters(job, up, lo, c);
-        else if (!draw_quad(job, up, lo, c) && !draw_full(job, up, lo, c))
-            sv_warp_cell(job, up, lo, c);
-    }
+    if (work->wide)
+        put_off(work, up, lo, n, rim);
+    else
+        draw_left(work, up, lo, n, rim);
     x0 = max2(x0 - reach, 0), y0 = max2(y0 - reach, 0);
     x1 = min2(x1 + reach + 1, (float)buffer->width), y1 = min2(y1 + reach + 1, (float)buffer->height);
     sv_warp_touch(buffer, (int)x0, (int)y0, (int)x1, (int)y1);
 }
 
-static const struct sv_warp_kernel *kernel_here(void)
+static const struct sv_warp_kernel *kernel_of(enum sv_simd level)
 {
-    switch (sv_simd_level()) {
+    switch (level) {
     case SV_SIMD_SCALAR:
         return &sv_warp_scalar;
     case SV_SIMD_SSE2:
@@ -297,10 +398,8 @@ static const struct sv_warp_kernel *kernel_here(void)
     return &sv_warp_scalar;
 }
 
-/* Which texels of a row face the eye, columns first .. first + count - 1: n . (eye - place) > 0 (NaN: no).
- * What lies outside of the sheet does not. */
-static void face_row(const struct sv_relief_facing *f, const struct sv_warp_source *source, int first,
-                     int count, int j, uint8_t *out)
+void sv_relief_front_scalar(const struct sv_relief_facing *f, const struct sv_warp_source *source, int first,
+                            int count, int j, uint8_t out[SV_RELIEF_FRONT])
 {
     int from = first < 0 ? -first : 0, to = first + count > source->width ? source->width - first : count;
     memset(out, 0, (size_t)count);
@@ -312,7 +411,7 @@ static void face_row(const struct sv_relief_facing *f, const struct sv_warp_sour
     const float *restrict t = source->t + row;
     float u = f->eye[0] - ((float)(first + from) + 0.5f) * f->pitch,
           v = f->eye[1] - ((float)j + 0.5f) * f->pitch;
-    int32_t faces[SV_WARP_ROW + 16];
+    int32_t faces[SV_RELIEF_FRONT];
     const int n = to - from;
     for (int i = 0; i < n; i++) {
         float along = (float)nu[i] * (u - (float)i * f->pitch) + (float)nv[i] * v;
@@ -322,50 +421,78 @@ static void face_row(const struct sv_relief_facing *f, const struct sv_warp_sour
         out[from + i] = (uint8_t)faces[i];
 }
 
-/* Entries of a row without a neighbour (or themselves) that faces the eye are nothing: no cell at them does.
- * facing: the rows above, at and below, from the column before the first entry. */
-static void drop_averted(uint8_t facing[3][SV_WARP_ROW + 16], int n, struct sv_warp_row *row)
+void sv_relief_drop_scalar(uint8_t *const front[3], int n, struct sv_warp_row *row)
 {
-    uint8_t any[SV_WARP_ROW + 16];
+    uint8_t any[SV_RELIEF_FRONT];
     for (int i = 0; i < n + 2; i++)
-        any[i] = facing[0][i] | facing[1][i] | facing[2][i];
+        any[i] = front[0][i] | front[1][i] | front[2][i];
     for (int i = 0; i < n; i++)
         row->t[i] = (any[i] | any[i + 1] | any[i + 2]) ? row->t[i] : NAN;
+}
+
+/* The cells at texels of a span, in columns column .. column + n. */
+static void splat_strip(struct work *work, const struct sv_relief_span *span, int column, int n,
+                        const struct sv_relief_facing *facing, const uint8_t *rims, unsigned k,
+                        struct sv_warp_stats *stats)
+{
+    const struct sv_warp_source *source = work->job.source;
+    const size_t stride = (size_t)source->width + 1; /* cells of a row: column -1 first */
+    struct sv_warp_row rows[2];
+    uint8_t front[3][SV_RELIEF_FRONT];
+    work->job.column = column;
+    for (int j = span->row0 - 2; j <= span->row1 + 1; j++) {
+        uint8_t *of_row = front[(j + 3) % 3];
+        if (work->wide)
+            sv_relief_front_avx2(facing, source, column - 1, n + 3, j, of_row);
+        else
+            sv_relief_front_scalar(facing, source, column - 1, n + 3, j, of_row);
+        int i = j - 1; /* whose neighbours are known now */
+        if (i < span->row0 - 1)
+            continue;
+        uint8_t *const around[3] = {front[(i + 2) % 3], front[(i + 3) % 3], of_row};
+        struct sv_warp_row *up = &rows[(i + 1) & 1], *lo = &rows[i & 1];
+        uint32_t solid = load_row(work->kernel, source, column, n + 1, i, lo);
+        if (work->wide)
+            sv_relief_drop_avx2(around, n + 1, lo);
+        else
+            sv_relief_drop_scalar(around, n + 1, lo);
+        if (i < span->row0)
+            continue;
+        stats->texels += solid;
+        work->job.row = i - 1;
+        work->job.tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS;
+        work->job.tag0 += (uint32_t)((i - 1) * source->width + column);
+        draw_cells(work, up, lo, n, rims + (size_t)i * stride + (size_t)(column + 1));
+    }
+}
+
+void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
+                        const uint8_t *rims, const struct sv_relief_facing *facing,
+                        const struct sv_relief_span *spans, int span_count, struct sv_warp_buffer *buffer,
+                        struct sv_warp_stats *stats)
+{
+    struct work work;
+    work.kernel = kernel_of(level);
+    work.job = (struct sv_warp_job){.source = source,
+                                    .buffer = buffer,
+                                    .budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height};
+    work.wide = level == SV_SIMD_AVX2;
+    work.waiting.count = 0; /* and nothing more: the rest is large */
+    for (int s = 0; s < span_count; s++) {
+        const struct sv_relief_span *span = &spans[s];
+        for (int column = span->column0 - 1; column < span->column1; column += COLUMNS) {
+            int left = span->column1 - column, n = left < COLUMNS ? left : COLUMNS;
+            splat_strip(&work, span, column, n, facing, rims, k, stats);
+        }
+    }
+    if (work.waiting.count > 0)
+        draw_waiting(&work, work.waiting.count);
+    stats->pixels += work.job.pixels;
 }
 
 void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint8_t *rims,
                      const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
                      int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
 {
-    const struct sv_warp_kernel *kernel = kernel_here();
-    struct sv_warp_row rows[2];
-    uint8_t front[3][SV_WARP_ROW + 16];
-    struct sv_warp_job job = {.source = source,
-                              .buffer = buffer,
-                              .budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height};
-    const size_t stride = (size_t)source->width + 1; /* cells of a row: column -1 first */
-    for (int s = 0; s < span_count; s++) {
-        const struct sv_relief_span *span = &spans[s];
-        for (int column = span->column0 - 1; column < span->column1; column += COLUMNS) {
-            int left = span->column1 - column, n = left < COLUMNS ? left : COLUMNS;
-            job.column = column;
-            face_row(facing, source, column - 1, n + 3, span->row0 - 2, front[0]);
-            face_row(facing, source, column - 1, n + 3, span->row0 - 1, front[1]);
-            for (int j = span->row0 - 1; j <= span->row1; j++) {
-                struct sv_warp_row *up = &rows[(j - 1) & 1], *lo = &rows[j & 1];
-                uint32_t solid = load_row(kernel, source, column, n + 1, j, lo);
-                face_row(facing, source, column - 1, n + 3, j + 1, front[2]);
-                drop_averted(front, n + 1, lo);
-                memmove(front[0], front[1], 2 * sizeof front[0]);
-                if (j < span->row0)
-                    continue;
-                stats->texels += solid;
-                job.row = j - 1;
-                job.tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS;
-                job.tag0 += (uint32_t)((j - 1) * source->width + column);
-                draw_cells(kernel, &job, up, lo, n, rims + (size_t)j * stride + (size_t)(column + 1));
-            }
-        }
-    }
-    stats->pixels += job.pixels;
+    sv_relief_splat_at(sv_simd_level(), source, k, rims, facing, spans, span_count, buffer, stats);
 }

@@ -1,0 +1,52 @@
+/* object_splat_kernel.h - what object_splat.c and its AVX2 kernels share. Private to them.
+ *
+ * A full cell of at most SV_WARP_SMALL pixels a side is put off until eight of them are together: no order of
+ * drawing changes the picture. All others are drawn where they are met. */
+#ifndef SV_RELIEF_OBJECT_SPLAT_KERNEL_H
+#define SV_RELIEF_OBJECT_SPLAT_KERNEL_H
+
+#include "core/base/simd.h"
+#include "core/relief/object_splat.h"
+#include "core/relief/warp_kernel.h"
+
+/* |e1 x e2| over the area of the box, below which a cell is seen edge-on: 0.05 px wide at 10 px. */
+#define SV_RELIEF_EDGE_ON (1.0f / 4096)
+
+/* Cells that are put off are drawn when there are this many; a row adds as many as a strip has. */
+enum { SV_RELIEF_WAITING = 64, SV_RELIEF_WAITING_ROOM = SV_RELIEF_WAITING + SV_WARP_STRIP + 8 };
+
+/* Corner k of a cell is texel k & 1 of row k >> 1. needed: all ones unless it is SPARE. */
+struct sv_relief_waiting {
+    int count;
+    float x[4][SV_RELIEF_WAITING_ROOM], y[4][SV_RELIEF_WAITING_ROOM], d[4][SV_RELIEF_WAITING_ROOM];
+    uint32_t texel[SV_RELIEF_WAITING_ROOM], needed[SV_RELIEF_WAITING_ROOM];
+};
+
+/* Which texels of a row face the eye, a byte each (255 or 0), columns first .. first + count - 1: n . (eye -
+ * place) > 0 (NaN: no). What lies outside of the sheet does not. */
+enum { SV_RELIEF_FRONT = SV_WARP_ROW + 48 };
+void sv_relief_front_scalar(const struct sv_relief_facing *facing, const struct sv_warp_source *source,
+                            int first, int count, int j, uint8_t out[SV_RELIEF_FRONT]);
+void sv_relief_front_avx2(const struct sv_relief_facing *facing, const struct sv_warp_source *source,
+                          int first, int count, int j, uint8_t out[SV_RELIEF_FRONT]);
+/* Entries of a row without a neighbour (or themselves) that faces the eye are nothing: no cell at them does.
+ * front: the rows above, at and below, from the column before the first entry. */
+void sv_relief_drop_scalar(uint8_t *const front[3], int n, struct sv_warp_row *row);
+void sv_relief_drop_avx2(uint8_t *const front[3], int n, struct sv_warp_row *row);
+
+/* Puts off the small full cells among n; lists those that are to be drawn now, and returns their number:
+ * large ones, and needed ones that are not full. rim: of the first cell. */
+int sv_relief_put_off_avx2(const struct sv_warp_job *job, const struct sv_warp_row *upper,
+                           const struct sv_warp_row *lower, int n, const uint8_t *rim,
+                           struct sv_relief_waiting *waiting, uint16_t *now);
+/* Draws the first `count` that wait; lists those that are not convex and needed, and returns their number. */
+int sv_relief_draw_waiting_avx2(struct sv_warp_job *job, const struct sv_relief_waiting *waiting, int count,
+                                uint16_t *left);
+
+/* sv_relief_splat at a given level (tests). */
+void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
+                        const uint8_t *rims, const struct sv_relief_facing *facing,
+                        const struct sv_relief_span *spans, int span_count, struct sv_warp_buffer *buffer,
+                        struct sv_warp_stats *stats);
+
+#endif
