@@ -8,7 +8,6 @@
  * alpha 0 every */
 #include "core/relief/object.h"
 
-#include <emmintrin.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -216,80 +215,6 @@ static void make_source(const struct sv_relief_look *look, int k, const struct s
         source->map.m[row][2] *= place->height_m;
 }
 
-/* Bit k: pixel k of four holds nothing. */
-static int empty4(const uint32_t *texel)
-{
-    __m128i held = _mm_loadu_si128((const __m128i *)(const void *)texel);
-    return _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(held, _mm_set1_epi32(-1))));
-}
-
-/* Bit k: pixel k of four is in no gap of one or two along `step`. */
-static int no_gap(const uint32_t *t, size_t step)
-{
-    int before = empty4(t - step), after = empty4(t + step);
-    return (before & empty4(t - 2 * step)) | (after & empty4(t + 2 * step)) | (before & after);
-}
-
-/* The farther of two surfaces beside an empty pixel goes on into it. */
-static void close_pixel(struct sv_warp_buffer *b, size_t p, size_t q, size_t r)
-{
-    size_t from = b->depth[q] < b->depth[r] ? q : r;
-    b->depth[p] = b->depth[from];
-    b->place[p] = b->place[from];
-    b->texel[p] = b->texel[from];
-}
-
-/* Neighbours of a pixel that was closed that now have something on all sides. */
-static uint32_t close_around(struct sv_warp_buffer *b, size_t p)
-{
-    const size_t w = (size_t)b->width, beside[4] = {p - 1, p + 1, p - w, p + w};
-    const uint32_t *t = b->texel;
-    uint32_t closed = 0;
-    for (int k = 0; k < 4; k++) {
-        size_t q = beside[k];
-        if (t[q] != SV_WARP_EMPTY || t[q - 1] == SV_WARP_EMPTY || t[q + 1] == SV_WARP_EMPTY ||
-            t[q - w] == SV_WARP_EMPTY || t[q + w] == SV_WARP_EMPTY)
-            continue;
-        close_pixel(b, q, q - 1, q + 1);
-        closed++;
-    }
-    return closed;
-}
-
-/* Gaps of one or two pixels along a row or a column, between two faces' borders: rounding of what meets
- * there. */
-static uint32_t close_gaps(struct sv_warp_buffer *b)
-{
-    uint32_t closed = 0;
-    int x0 = b->x0 < 2 ? 2 : b->x0, x1 = b->x1 > b->width - 2 ? b->width - 2 : b->x1;
-    int y0 = b->y0 < 2 ? 2 : b->y0, y1 = b->y1 > b->height - 2 ? b->height - 2 : b->y1;
-    const size_t w = (size_t)b->width;
-    if (b->width < 8)
-        return 0;
-    for (int j = y0; j < y1; j++)
-        for (int group = x0; group < x1; group += 4) {
-            int i = group < b->width - 6 ? group : b->width - 6; /* the last one of a row reaches back */
-            const size_t at = (size_t)j * w + (size_t)i;
-            const uint32_t *t = b->texel + at;
-            int empty = empty4(t);
-            if (!empty)
-                continue;
-            int along = no_gap(t, w), across = 15;
-            if (empty != 15) /* four empty ones side by side are no gap in the row */
-                across = no_gap(t, 1);
-            for (int gaps = empty & ~(across & along), k = 0; gaps >> k; k++) {
-                if (!(gaps >> k & 1))
-                    continue;
-                size_t p = at + (size_t)k, step = across >> k & 1 ? w : 1;
-                size_t before = b->texel[p - step] != SV_WARP_EMPTY ? p - step : p - 2 * step;
-                size_t after = b->texel[p + step] != SV_WARP_EMPTY ? p + step : p + 2 * step;
-                close_pixel(b, p, before, after);
-                closed += 1 + close_around(b, p);
-            }
-        }
-    return closed;
-}
-
 enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
                                    const struct sv_camera *camera, double shift_x_px, double shift_y_px,
                                    unsigned faces, struct sv_warp_buffer *buffer,
@@ -317,7 +242,7 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
         struct sv_relief_facing facing = sv_relief_object_facing(look->object, k, eye, is_place);
         sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned, buffer, stats);
     }
-    stats->holes += close_gaps(buffer);
+    stats->holes += sv_relief_close_gaps(buffer);
     *sources = look->source;
     *source_count = count;
     return SV_OK;

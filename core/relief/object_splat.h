@@ -38,4 +38,8 @@ void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint
                      const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
                      int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats);
 
+/* Closes gaps of one or two pixels along a row or a column: the farther of what is beside them goes on into
+ * them. Returns how many pixels. */
+uint32_t sv_relief_close_gaps(struct sv_warp_buffer *buffer);
+
 #endif

@@ -10,11 +10,14 @@
 
 /* Pixels that may be listed before the list is emptied, and what eight cells may add to it. */
 enum { SV_WARP_LIST = 1024, SV_WARP_LIST_STEP = 8 * SV_WARP_SMALL * SV_WARP_SMALL };
+/* Pixels are fetched this many entries before they are drawn. */
+enum { SV_WARP_LIST_AHEAD = 16 };
 
 /* code: number of the cell << 16 | place[] of the pixel. */
 struct sv_warp_list {
     int count;
-    uint32_t pixel[SV_WARP_LIST + SV_WARP_LIST_STEP + 8], code[SV_WARP_LIST + SV_WARP_LIST_STEP + 8];
+    uint32_t pixel[SV_WARP_LIST + SV_WARP_LIST_STEP + SV_WARP_LIST_AHEAD],
+        code[SV_WARP_LIST + SV_WARP_LIST_STEP + 8];
     float d[SV_WARP_LIST + SV_WARP_LIST_STEP + 8];
 };
 
@@ -45,24 +48,27 @@ static inline void sv_warp_list_put(struct sv_warp_list *list, struct sv_warp_jo
     struct sv_warp_pixels to = sv_warp_pixels_of(job->buffer);
     uint32_t pixels = 0, tag0 = job->tag0;
     int count = list->count;
+    for (int i = 0; i < SV_WARP_LIST_AHEAD; i++)
+        list->pixel[count + i] = 0;
     for (int i = 0; i < count; i++) {
-        size_t p = list->pixel[i];
-        uint32_t code = list->code[i], held = to.texel[p];
+        size_t p = list->pixel[i], ahead = list->pixel[i + SV_WARP_LIST_AHEAD];
+        __builtin_prefetch(&to.depth[ahead], 1);
+        __builtin_prefetch(&to.texel[ahead], 1);
+        __builtin_prefetch(&to.place[ahead], 1);
+        uint32_t code = list->code[i], held = to.texel[p], other = to.place[p], place = code & 0xffff;
         uint32_t texel = tags ? tags[code >> 16] : tag0 + (code >> 16);
         int32_t before, now;
         memcpy(&before, &to.depth[p], sizeof before);
         memcpy(&now, &list->d[i], sizeof now);
         int64_t old = (int64_t)before * (INT64_C(1) << 32) + ~held;
         int64_t new = (int64_t)now *(INT64_C(1) << 32) + ~texel;
-        uint16_t place = (uint16_t)code, other = to.place[p];
-        bool wins = (new > old) | ((new == old) & (place > other));
-        place = wins ? place : other;
-        new = wins ? new : old;
-        pixels += wins & (held == SV_WARP_EMPTY);
-        now = (int32_t)(new >> 32);
+        uint64_t wins = (uint64_t)(new > old) | ((uint64_t)(new == old) & (uint64_t)(place > other));
+        uint64_t key = (uint64_t)old ^ (((uint64_t)old ^ (uint64_t) new) & -wins);
+        pixels += (uint32_t)wins & (uint32_t)(held == SV_WARP_EMPTY);
+        now = (int32_t)(key >> 32);
         memcpy(&to.depth[p], &now, sizeof now);
-        to.texel[p] = ~(uint32_t) new;
-        to.place[p] = place;
+        to.texel[p] = ~(uint32_t)key;
+        to.place[p] = (uint16_t)(other ^ ((other ^ place) & (uint32_t)-wins));
     }
     job->pixels += pixels;
     list->count = 0;
