@@ -142,6 +142,10 @@ void sv_relief_light(const struct sv_relief *relief, const struct sv_relief_ligh
                                             .rgba = rgba + row,
                                             .row = j,
                                             .last = relief->width};
+        if (options->columns) {
+            span.first = options->columns[j].first;
+            span.last = options->columns[j].last;
+        }
         if (wide)
             span.first = sv_relief_light_span_avx2(&light, &span);
         sv_relief_light_span_scalar(&light, &span);

@@ -16,14 +16,20 @@
 /* Fills normal[] of all solid texels from displ, eq. (5), (6); occlusion is left as it is. */
 void sv_relief_normals(struct sv_relief *relief);
 
+/* Texels first <= i < last of a row. */
+struct sv_relief_columns {
+    int first, last;
+};
+
 struct sv_relief_light {
-    const struct sv_light *light; /* in the space that `frame` turns to: world */
-    struct sv_relief_frame frame; /* of the relief in the world: a, b, f as they stand there */
-    const uint8_t *lit;           /* width * height: share of sunlight, 255 all; NULL: all lit */
-    bool has_viewer;              /* specular light needs it */
-    struct sv_vec3 eye;           /* world */
-    float specular;               /* 0: none; share of sunlight that the surface mirrors */
-    float shininess;              /* Blinn's exponent, >= 1 */
+    const struct sv_light *light;            /* in the space that `frame` turns to: world */
+    struct sv_relief_frame frame;            /* of the relief in the world: a, b, f as they stand there */
+    const uint8_t *lit;                      /* width * height: share of sunlight, 255 all; NULL: all lit */
+    bool has_viewer;                         /* specular light needs it */
+    struct sv_vec3 eye;                      /* world */
+    float specular;                          /* 0: none; share of sunlight that the surface mirrors */
+    float shininess;                         /* Blinn's exponent, >= 1 */
+    const struct sv_relief_columns *columns; /* of each row: what is done; NULL: all. Others are left alone */
 };
 
 /* rgba: width * height, the seen colour in sRGB code, alpha as in color[]: light.h's surface rule (exposure

@@ -26,7 +26,8 @@ struct sv_relief_look {
     const uint8_t (*color[SHEETS])[4]; /* what the last call of _light made: seen or albedo */
     struct sv_relief_shade *shade;
     struct sv_warp_source source[SHEETS];
-    struct sv_relief_span *spans; /* room */
+    struct sv_relief_span *spans;                             /* room */
+    struct sv_relief_columns *columns[SHEETS], *column_block; /* of the sheets' rows: what a camera sees */
     void *block;
 };
 
@@ -61,20 +62,29 @@ static void borrow_faces(struct sv_relief_look *look)
 enum sv_status sv_relief_look_create(const struct sv_relief_object *object, struct sv_relief_look **look,
                                      struct sv_error *error)
 {
-    size_t texels = 0;
-    for (int k = 0; k < SHEETS; k++)
+    size_t texels = 0, rows = 0;
+    for (int k = 0; k < SHEETS; k++) {
         texels += texels_of(sv_relief_sheet(object, k));
+        rows += (size_t)sv_relief_sheet(object, k)->height;
+    }
     struct sv_relief_look *made = calloc(1, sizeof *made);
     struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
-    void *block = malloc(texels * 9);
-    if (!made || !block || !spans) {
+    struct sv_relief_columns *columns = malloc(rows * sizeof *columns);
+    void *block = calloc(texels, 9);
+    if (!made || !block || !spans || !columns) {
         free(made);
         free(block);
+        free(columns);
         free(spans);
         return sv_fail(error, SV_ENOMEM, "look", "no memory for %zu texels", texels);
     }
-    *made = (struct sv_relief_look){.object = object, .spans = spans, .block = block};
+    *made =
+        (struct sv_relief_look){.object = object, .spans = spans, .column_block = columns, .block = block};
     borrow_faces(made);
+    for (int k = 0; k < SHEETS; k++) {
+        made->columns[k] = columns;
+        columns += made->face[k].height;
+    }
     enum sv_status status = sv_relief_shade_create(object, &made->shade, error);
     if (status == SV_OK)
         *look = made;
@@ -89,6 +99,7 @@ void sv_relief_look_destroy(struct sv_relief_look *look)
         return;
     sv_relief_shade_destroy(look->shade);
     free(look->spans);
+    free(look->column_block);
     free(look->block);
     free(look);
 }
@@ -142,6 +153,36 @@ static void dim(uint8_t *lit, size_t texels, double taken)
         lit[k] = (uint8_t)(lit[k] * left >> 8);
 }
 
+/* The eye of a camera, model space; the unit direction to it where there is no place. */
+static struct sv_vec3 eye_of(const struct sv_relief_place *place, const struct sv_camera *camera)
+{
+    return camera->projection == SV_PROJECTION_PERSPECTIVE
+               ? sv_relief_place_to_model(place, camera->eye)
+               : sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
+}
+
+/* What the warp for a camera draws of sheet k: cells that touch a span, so a texel more on each side. Columns
+ * in whole groups of eight. */
+static void see_columns(struct sv_relief_look *look, int k, const struct sv_relief_place *place,
+                        const struct sv_camera *camera)
+{
+    const struct sv_relief *face = &look->face[k];
+    struct sv_relief_columns *columns = look->columns[k];
+    int count = sv_relief_object_spans(look->object, k, eye_of(place, camera),
+                                       camera->projection == SV_PROJECTION_PERSPECTIVE, look->spans);
+    memset(columns, 0, (size_t)face->height * sizeof *columns);
+    for (int s = 0; s < count; s++) {
+        const struct sv_relief_span *span = &look->spans[s];
+        int first = (span->column0 > 0 ? span->column0 - 1 : 0) & ~7, last = (span->column1 + 8) & ~7;
+        last = last < face->width ? last : face->width;
+        for (int j = span->row0 > 0 ? span->row0 - 1 : 0; j <= span->row1 && j < face->height; j++) {
+            bool none = columns[j].last == 0;
+            columns[j].first = none || first < columns[j].first ? first : columns[j].first;
+            columns[j].last = last > columns[j].last ? last : columns[j].last;
+        }
+    }
+}
+
 enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv_relief_place *place,
                                     const struct sv_light *light,
                                     const struct sv_relief_look_options *options, unsigned faces,
@@ -153,9 +194,15 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
     struct sv_light turned = *light;
     turned.to_sun = sv_rotate_clockwise(light->to_sun, -place->heading_rad);
     bool shadow = options->lit && options->shadow != SV_RELIEF_SHADOW_NONE;
+    const struct sv_relief_columns *columns[SHEETS] = {NULL};
+    for (int k = 0; k < SHEETS && options->lit && options->camera; k++) {
+        columns[k] = look->columns[k];
+        if (faces >> k % SV_RELIEF_FACES & 1)
+            see_columns(look, k, place, options->camera);
+    }
     if (shadow)
         status = sv_relief_shade_light(look->shade, look->face, turned.to_sun, options->shadow, faces,
-                                       look->lit, error);
+                                       options->camera ? columns : NULL, look->lit, error);
     if (status != SV_OK)
         return status;
     double shade_height = (options->shade_height_m - place->place.z) / place->height_m;
@@ -182,7 +229,8 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
                                       .has_viewer = options->has_viewer,
                                       .eye = sv_relief_place_to_model(place, options->eye),
                                       .specular = options->specular,
-                                      .shininess = options->shininess};
+                                      .shininess = options->shininess,
+                                      .columns = columns[k]};
         sv_relief_light(face, &how, look->seen[k]);
         look->color[k] = (const uint8_t(*)[4])look->seen[k];
     }
@@ -225,9 +273,7 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
     if (status != SV_OK)
         return status;
     unsigned count = 0;
-    struct sv_vec3 eye = camera->projection == SV_PROJECTION_PERSPECTIVE
-                             ? sv_relief_place_to_model(place, camera->eye)
-                             : sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
+    struct sv_vec3 eye = eye_of(place, camera);
     sv_warp_clear(buffer);
     bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
     for (int k = 0; k < SHEETS; k++) {

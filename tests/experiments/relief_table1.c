@@ -96,6 +96,7 @@ static void frame_direct(struct experiment *x, int form, int frame, uint8_t (*rg
     const struct sv_warp_source *sources;
     unsigned count;
     how.eye = x->camera.eye;
+    how.camera = &x->camera; /* nothing is kept for another view */
     light_of(frame, &light);
     const struct sv_warp_buffer *last = &x->buffer; /* as of the last frame: nothing else was written */
     for (int j = last->y0; j < last->y1 && last->x0 < last->x1; j++)
@@ -149,7 +150,7 @@ static void frame_paper(struct experiment *x, int form, int frame, uint8_t (*rgb
         sheet[k].solid_count = 0; /* the paper has six textures */
     if (form == 2)
         must(sv_relief_shade_light(x->shade, sheet, gl_frame.light.to_sun, SV_RELIEF_SHADOW_LINE_SWEEP, faces,
-                                   x->lit, &error),
+                                   NULL, x->lit, &error),
              &error);
     must(sv_gl_frame_begin(&gl_frame, &error), &error);
     sv_gl_target_begin(x->target);

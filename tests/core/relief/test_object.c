@@ -352,7 +352,8 @@ static void test_shadows(void **state)
                     struct sv_vec3 to_sun = sv_vec3(cos(el) * sin(az), cos(el) * cos(az), sin(el));
                     long judged0 = judged, wrong0 = dark + light;
                     assert_int_equal(sv_relief_shade_light(s.shade, s.sheet, to_sun,
-                                                           (enum sv_relief_shadow_form)form, 63, s.lit, NULL),
+                                                           (enum sv_relief_shadow_form)form, 63, NULL, s.lit,
+                                                           NULL),
                                      SV_OK);
                     judge_shadow(b, &s, to_sun, &judged, &dark, &light);
                     worst =
