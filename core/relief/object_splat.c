@@ -52,7 +52,6 @@ struct triangle {
     float s, r, s1, r2;          /* place of the corner; what edge 1 adds to s, edge 2 to r */
     float turn;                  /* sign of edge 1 x edge 2 when it faces the eye */
     float d_min, d_max;          /* what depth it may have */
-    bool doubled;                /* the parallelogram instead */
     uint32_t texel, full;
 };
 
@@ -101,11 +100,10 @@ static void draw_triangle(struct sv_warp_job *job, const struct triangle *t)
     float size = fabsf(e1x) + fabsf(e1y) + fabsf(e2x) + fabsf(e2y);
     if (!(det * t->turn > size * size * SV_RELIEF_EDGE_ON) || !(size <= 2 * LARGE_PX))
         return;
-    float bx = t->doubled ? e1x + e2x : 0, by = t->doubled ? e1y + e2y : 0;
-    int j0 = first_pixel(t->y + min2(min2(0, e1y), min2(e2y, by)));
-    int j1 = last_pixel(t->y + max2(max2(0, e1y), max2(e2y, by)), b->height);
-    int i0 = first_pixel(t->x + min2(min2(0, e1x), min2(e2x, bx)));
-    int i1 = last_pixel(t->x + max2(max2(0, e1x), max2(e2x, bx)), b->width);
+    int j0 = first_pixel(t->y + min2(0, min2(e1y, e2y)));
+    int j1 = last_pixel(t->y + max2(0, max2(e1y, e2y)), b->height);
+    int i0 = first_pixel(t->x + min2(0, min2(e1x, e2x)));
+    int i1 = last_pixel(t->x + max2(0, max2(e1x, e2x)), b->width);
     float inverse = 1 / det;
     const __m128 s_x = _mm_set1_ps(e2y * inverse), r_x = _mm_set1_ps(-e1y * inverse);
     const __m128 low = _mm_set1_ps(-SV_WARP_EDGE), high = _mm_set1_ps(1 + SV_WARP_EDGE);
@@ -115,7 +113,7 @@ static void draw_triangle(struct sv_warp_job *job, const struct triangle *t)
         __m128 s0 = _mm_set1_ps(-dy * e2x * inverse), r0 = _mm_set1_ps(dy * e1x * inverse), dx = dx0;
         for (int i = i0; i <= i1; i += 4, dx = _mm_add_ps(dx, _mm_set1_ps(4))) {
             __m128 s = _mm_add_ps(s0, _mm_mul_ps(dx, s_x)), r = _mm_add_ps(r0, _mm_mul_ps(dx, r_x));
-            __m128 most = t->doubled ? _mm_max_ps(s, r) : _mm_add_ps(s, r);
+            __m128 most = _mm_add_ps(s, r);
             __m128 in = _mm_and_ps(_mm_cmpge_ps(_mm_min_ps(s, r), low), _mm_cmple_ps(most, high));
             int mask = _mm_movemask_ps(in) & (i1 - i < 3 ? (2 << (i1 - i)) - 1 : 15);
             if (mask)
@@ -162,17 +160,30 @@ static int pixel_range(float lo, float hi, int size, int *first)
 }
 
 /* A quadrilateral as it is asked for pixels: (s, r) = (dx sx - dy sy, dy ry - dx rx) from corner 0; its
- * corners are (0, 0), (1, 0), (0, 1), (s3, r3). */
+ * corners are (0, 0), (1, 0), (0, 1), (s3, r3). In where s, r, a_r r - a_s (s - s1) and e_s s - e_r (r - r1)
+ * are at least -SV_WARP_EDGE. */
 struct quad {
-    float x0, y0, sx, sy, rx, ry, s3, r3;
+    float x0, y0, sx, sy, rx, ry, s3, r3, det, a_r, a_s, s1, e_s, e_r, r1, last;
     int i0, j0, nx, ny;
 };
 
+static void quad_set(const struct corners *c, struct quad *q)
+{
+    float e1x = c->x[1] - c->x[0], e1y = c->y[1] - c->y[0], e2x = c->x[2] - c->x[0], e2y = c->y[2] - c->y[0];
+    float e3x = c->x[3] - c->x[0], e3y = c->y[3] - c->y[0];
+    q->det = e1x * e2y - e1y * e2x;
+    float inverse = 1 / q->det;
+    q->x0 = c->x[0], q->y0 = c->y[0];
+    q->sx = e2y * inverse, q->sy = e2x * inverse, q->rx = e1y * inverse, q->ry = e1x * inverse;
+    q->s3 = e3x * q->sx - e3y * q->sy, q->r3 = e3y * q->ry - e3x * q->rx;
+}
+
 static void quad_pixels(struct sv_warp_job *job, const struct quad *q, const struct triangle *t)
 {
-    const __m128 sx = _mm_set1_ps(q->sx), rx = _mm_set1_ps(q->rx), one = _mm_set1_ps(1);
-    const __m128 low = _mm_set1_ps(-SV_WARP_EDGE), s3 = _mm_set1_ps(q->s3), r3 = _mm_set1_ps(q->r3);
-    const __m128 s31 = _mm_sub_ps(s3, one), r31 = _mm_sub_ps(r3, one);
+    const __m128 sx = _mm_set1_ps(q->sx), rx = _mm_set1_ps(q->rx), last = _mm_set1_ps(q->last);
+    const __m128 low = _mm_set1_ps(-SV_WARP_EDGE), s1 = _mm_set1_ps(q->s1), r1 = _mm_set1_ps(q->r1);
+    const __m128 a_r = _mm_set1_ps(q->a_r), a_s = _mm_set1_ps(q->a_s);
+    const __m128 e_s = _mm_set1_ps(q->e_s), e_r = _mm_set1_ps(q->e_r);
     const __m128 dx0 = _mm_set1_ps(((float)q->i0 + 0.5f) - q->x0), lane = _mm_setr_ps(0, 1, 2, 3);
     for (int ky = 0; ky < q->ny; ky++) {
         float dy = (((float)q->j0 + 0.5f) - q->y0) + (float)ky;
@@ -181,43 +192,68 @@ static void quad_pixels(struct sv_warp_job *job, const struct quad *q, const str
         for (int kx = 0; kx < q->nx; kx += 4) {
             __m128 dx = _mm_add_ps(dx0, _mm_add_ps(_mm_set1_ps((float)kx), lane));
             __m128 s = _mm_sub_ps(_mm_mul_ps(dx, sx), sy), r = _mm_sub_ps(ry, _mm_mul_ps(dx, rx));
-            /* Beyond the edges (1, 0) - (s3, r3) and (0, 1) - (s3, r3)? */
-            __m128 a = _mm_sub_ps(_mm_mul_ps(s31, r), _mm_mul_ps(r3, _mm_sub_ps(s, one)));
-            __m128 e = _mm_sub_ps(_mm_mul_ps(r31, s), _mm_mul_ps(s3, _mm_sub_ps(r, one)));
+            __m128 a = _mm_sub_ps(_mm_mul_ps(a_r, r), _mm_mul_ps(a_s, _mm_sub_ps(s, s1)));
+            __m128 e = _mm_sub_ps(_mm_mul_ps(e_s, s), _mm_mul_ps(e_r, _mm_sub_ps(r, r1)));
             __m128 least = _mm_min_ps(_mm_min_ps(s, r), _mm_min_ps(a, e));
             int left = q->nx - kx, inside = left < 4 ? (1 << left) - 1 : 15;
             int mask = _mm_movemask_ps(_mm_cmpge_ps(least, low)) & inside;
             if (mask)
-                draw_four(job, t, p + (size_t)kx, mask, _mm_min_ps(s, one), _mm_min_ps(r, one));
+                draw_four(job, t, p + (size_t)kx, mask, _mm_min_ps(s, last), _mm_min_ps(r, last));
         }
     }
+}
+
+static struct triangle quad_face(const struct corners *c)
+{
+    struct triangle t = {.d = c->d[0], .s1 = 1, .r2 = 1, .texel = c->texel, .full = 1};
+    t.e1[2] = c->d[1] - t.d;
+    t.e2[2] = c->d[2] - t.d;
+    t.d_min = least_of(c->d);
+    t.d_max = most_of(c->d);
+    return t;
 }
 
 /* A full cell that the kernels leave (large, or far from a parallelogram), by its own coordinates. False: it
  * is neither convex nor small, or folded in the picture. */
 static bool draw_quad(struct sv_warp_job *job, const struct corners *c)
 {
-    struct quad q = {.x0 = c->x[0], .y0 = c->y[0]};
-    float e1x = c->x[1] - q.x0, e1y = c->y[1] - q.y0, e2x = c->x[2] - q.x0, e2y = c->y[2] - q.y0;
-    float e3x = c->x[3] - q.x0, e3y = c->y[3] - q.y0, det = e1x * e2y - e1y * e2x, inverse = 1 / det;
-    float det_far = (e3x - e2x) * (e3y - e1y) - (e3y - e2y) * (e3x - e1x);
+    struct quad q;
+    float det_far = (c->x[3] - c->x[0] - (c->x[2] - c->x[0])) * (c->y[3] - c->y[0] - (c->y[1] - c->y[0])) -
+                    (c->y[3] - c->y[0] - (c->y[2] - c->y[0])) * (c->x[3] - c->x[0] - (c->x[1] - c->x[0]));
     float x0 = least_of(c->x), x1 = most_of(c->x), y0 = least_of(c->y), y1 = most_of(c->y);
-    if (det <= 0 && det_far <= 0)
+    quad_set(c, &q);
+    if (q.det <= 0 && det_far <= 0)
         return true; /* turned away */
-    q.sx = e2y * inverse, q.sy = e2x * inverse, q.rx = e1y * inverse, q.ry = e1x * inverse;
-    q.s3 = e3x * q.sx - e3y * q.sy, q.r3 = e3y * q.ry - e3x * q.rx;
-    if (!(det > (x1 - x0) * (y1 - y0) * SV_RELIEF_EDGE_ON && x1 - x0 <= LARGE_PX && y1 - y0 <= LARGE_PX) ||
+    if (!(q.det > (x1 - x0) * (y1 - y0) * SV_RELIEF_EDGE_ON && x1 - x0 <= LARGE_PX && y1 - y0 <= LARGE_PX) ||
         !(q.s3 > 0 && q.r3 > 0 && q.s3 + q.r3 > 1 && q.s3 < 8 && q.r3 < 8))
         return false;
+    q.a_r = q.s3 - 1, q.a_s = q.r3, q.e_s = q.r3 - 1, q.e_r = q.s3;
+    q.s1 = q.r1 = q.last = 1;
     q.nx = pixel_range(x0, x1, job->buffer->width, &q.i0);
     q.ny = pixel_range(y0, y1, job->buffer->height, &q.j0);
-    struct triangle t = {.d = c->d[0], .s1 = 1, .r2 = 1, .texel = c->texel, .full = 1};
-    t.e1[2] = c->d[1] - t.d;
-    t.e2[2] = c->d[2] - t.d;
-    t.d_min = least_of(c->d);
-    t.d_max = most_of(c->d);
+    struct triangle t = quad_face(c);
     quad_pixels(job, &q, &t);
     return true;
+}
+
+/* The quarter of a cell that texel k of it has; corner 0 is the texel's centre. */
+static void draw_quarter(struct sv_warp_job *job, const struct corners *c, int k)
+{
+    struct quad q;
+    quad_set(c, &q);
+    q.a_r = q.e_s = 0;
+    q.a_s = q.e_r = 1;
+    q.s1 = max2(q.s3, 1), q.r1 = max2(q.r3, 1), q.last = INFINITY;
+    q.nx = pixel_range(least_of(c->x) - SV_RELIEF_QUARTER_SLACK, most_of(c->x) + SV_RELIEF_QUARTER_SLACK,
+                       job->buffer->width, &q.i0);
+    q.ny = pixel_range(least_of(c->y) - SV_RELIEF_QUARTER_SLACK, most_of(c->y) + SV_RELIEF_QUARTER_SLACK,
+                       job->buffer->height, &q.j0);
+    struct triangle t = quad_face(c);
+    t.s = t.r = 0.5f;
+    t.s1 = k & 1 ? -0.5f : 0.5f;
+    t.r2 = k >> 1 ? -0.5f : 0.5f;
+    t.full = 0;
+    quad_pixels(job, &q, &t);
 }
 
 static void edge_between(const struct corners *c, int from, int to, float e[3])
@@ -266,10 +302,50 @@ static void half_edge(const struct sv_warp_job *job, const float here[3], const 
     }
 }
 
+/* What a splat holds on to. */
+struct work {
+    const struct sv_warp_kernel *kernel;
+    struct sv_warp_job job;
+    bool wide; /* AVX2: small full cells, and quarters of others, wait until eight are together */
+    struct sv_relief_waiting waiting, quarters;
+    uint16_t listed[SV_RELIEF_WAITING_ROOM];
+};
+
+/* Draws quarter k by its edges, or lets it wait. One that is turned away or seen edge-on is not drawn: bodies
+ * are closed. */
+static void take_quarter(struct work *work, int k, const float here[3], const float e1[3], const float e2[3],
+                         uint32_t texel)
+{
+    float det = e1[0] * e2[1] - e1[1] * e2[0];
+    float size = fabsf(e1[0]) + fabsf(e1[1]) + fabsf(e2[0]) + fabsf(e2[1]);
+    if (!((k == 1 || k == 2 ? -det : det) > size * size * SV_RELIEF_EDGE_ON) || !(size <= 2 * LARGE_PX))
+        return;
+    const struct corners q = {
+        .x = {here[0], here[0] + e1[0], here[0] + e2[0], here[0] + e1[0] + e2[0]},
+        .y = {here[1], here[1] + e1[1], here[1] + e2[1], here[1] + e1[1] + e2[1]},
+        .d = {here[2], here[2] + e1[2], here[2] + e2[2], here[2] + e1[2] + e2[2]},
+        .texel = texel,
+    };
+    struct sv_relief_waiting *w = &work->quarters;
+    if (!work->wide || size > SV_WARP_SMALL - 1) { /* of `size` px: at most SV_WARP_SMALL pixels a side */
+        draw_quarter(&work->job, &q, k);
+        return;
+    }
+    for (int i = 0; i < 4; i++)
+        w->x[i][w->count] = q.x[i], w->y[i][w->count] = q.y[i], w->d[i][w->count] = q.d[i];
+    w->texel[w->count] = texel;
+    w->needed[w->count++] = (uint32_t)k;
+    if (w->count == SV_RELIEF_WAITING) {
+        sv_relief_draw_quarters_avx2(&work->job, w, w->count);
+        w->count = 0;
+    }
+}
+
 /* A cell that is not full, piece by piece. */
-static void draw_quarters(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
+static void draw_quarters(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo,
                           int c)
 {
+    const struct sv_warp_job *job = &work->job;
     for (int k = 0; k < 4; k++) {
         const struct sv_warp_row *row = k < 2 ? up : lo, *other = k < 2 ? lo : up;
         int e = c + (k & 1), beside = c + 1 - (k & 1);
@@ -278,30 +354,17 @@ static void draw_quarters(struct sv_warp_job *job, const struct sv_warp_row *up,
         const double *m = job->source->map.m[3];
         double u = job->column + e + 0.5, v = job->row + (k >> 1) + 0.5;
         float inverse_w = (float)(1 / (m[0] * u + m[1] * v + m[2] * (double)row->t[e] + m[3])),
-              cut = job->source->cut;
+              cut = job->source->cut, e1[3], e2[3];
         const float here[3] = {row->x[e], row->y[e], row->d[e]},
                     across[3] = {row->x[beside], row->y[beside], row->d[beside]};
         const float along[3] = {other->x[e], other->y[e], other->d[e]};
-        struct triangle q = {.x = here[0], .y = here[1], .d = here[2], .s = 0.5f, .r = 0.5f, .doubled = true};
-        q.d_max = 1;
-        q.turn = k == 1 || k == 2 ? -1 : 1;
-        q.s1 = k & 1 ? -0.5f : 0.5f;
-        q.r2 = k >> 1 ? -0.5f : 0.5f;
-        q.texel = job->tag0 + (uint32_t)e + (uint32_t)(k >> 1) * (uint32_t)job->source->width;
-        half_edge(job, here, across, fabsf(row->t[e] - row->t[beside]) <= cut, 0, 2 * q.s1, inverse_w, q.e1);
-        half_edge(job, here, along, fabsf(row->t[e] - other->t[e]) <= cut, 1, 2 * q.r2, inverse_w, q.e2);
-        draw_triangle(job, &q);
+        half_edge(job, here, across, fabsf(row->t[e] - row->t[beside]) <= cut, 0, k & 1 ? -1 : 1, inverse_w,
+                  e1);
+        half_edge(job, here, along, fabsf(row->t[e] - other->t[e]) <= cut, 1, k >> 1 ? -1 : 1, inverse_w, e2);
+        take_quarter(work, k, here, e1, e2,
+                     job->tag0 + (uint32_t)e + (uint32_t)(k >> 1) * (uint32_t)job->source->width);
     }
 }
-
-/* What a splat holds on to. */
-struct work {
-    const struct sv_warp_kernel *kernel;
-    struct sv_warp_job job;
-    bool wide; /* AVX2: small full cells wait until eight are together */
-    struct sv_relief_waiting waiting;
-    uint16_t listed[SV_RELIEF_WAITING_ROOM];
-};
 
 static void draw_full_cell(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo,
                            int c)
@@ -324,7 +387,7 @@ static void draw_left(struct work *work, const struct sv_warp_row *up, const str
         if (full)
             draw_full_cell(work, up, lo, c);
         else
-            draw_quarters(&work->job, up, lo, c);
+            draw_quarters(work, up, lo, c);
     }
 }
 
@@ -359,7 +422,7 @@ static void put_off(struct work *work, const struct sv_warp_row *up, const struc
         if (rim[c] == SV_RELIEF_CELL_FULL)
             draw_full_cell(work, up, lo, c);
         else
-            draw_quarters(&work->job, up, lo, c);
+            draw_quarters(work, up, lo, c);
     }
     if (work->waiting.count >= SV_RELIEF_WAITING)
         draw_waiting(work, work->waiting.count & ~7);
@@ -477,7 +540,7 @@ void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source,
                                     .buffer = buffer,
                                     .budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height};
     work.wide = level == SV_SIMD_AVX2;
-    work.waiting.count = 0; /* and nothing more: the rest is large */
+    work.waiting.count = work.quarters.count = 0; /* and nothing more: the rest is large */
     for (int s = 0; s < span_count; s++) {
         const struct sv_relief_span *span = &spans[s];
         for (int column = span->column0 - 1; column < span->column1; column += COLUMNS) {
@@ -487,6 +550,8 @@ void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source,
     }
     if (work.waiting.count > 0)
         draw_waiting(&work, work.waiting.count);
+    if (work.quarters.count > 0)
+        sv_relief_draw_quarters_avx2(&work.job, &work.quarters, work.quarters.count);
     stats->pixels += work.job.pixels;
 }
 

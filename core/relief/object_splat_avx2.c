@@ -123,11 +123,14 @@ static inline __m256i pixel_range(__m256 lo, __m256 hi, int size, __m256i *first
     return _mm256_cvtps_epi32(_mm256_add_ps(_mm256_sub_ps(b, a), splat(1)));
 }
 
-static inline void set_box(struct corners *q, const struct sv_warp_buffer *buffer)
+/* slack: px that are added on each side. */
+static inline void set_box(struct corners *q, const struct sv_warp_buffer *buffer, float slack)
 {
     __m256 x0 = min4(q->x), x1 = max4(q->x), y0 = min4(q->y), y1 = max4(q->y);
-    q->nx = pixel_range(x0, x1, buffer->width, &q->i0);
-    q->ny = pixel_range(y0, y1, buffer->height, &q->j0);
+    q->nx =
+        pixel_range(_mm256_sub_ps(x0, splat(slack)), _mm256_add_ps(x1, splat(slack)), buffer->width, &q->i0);
+    q->ny =
+        pixel_range(_mm256_sub_ps(y0, splat(slack)), _mm256_add_ps(y1, splat(slack)), buffer->height, &q->j0);
     q->box = _mm256_mul_ps(_mm256_sub_ps(x1, x0), _mm256_sub_ps(y1, y0));
 }
 
@@ -196,7 +199,7 @@ int sv_relief_put_off_avx2(const struct sv_warp_job *job, const struct sv_warp_r
                 q.y[k] = _mm256_loadu_ps(row->y + c + (k & 1));
                 q.d[k] = _mm256_loadu_ps(row->d + c + (k & 1));
             }
-            set_box(&q, job->buffer);
+            set_box(&q, job->buffer, 0);
             __m256i shown = _mm256_and_si256(_mm256_cmpgt_epi32(q.nx, zero), _mm256_cmpgt_epi32(q.ny, zero));
             __m256i large = _mm256_or_si256(_mm256_cmpgt_epi32(q.nx, small), _mm256_cmpgt_epi32(q.ny, small));
             __m256 drawn = _mm256_and_ps(full, _mm256_castsi256_ps(shown));
@@ -247,34 +250,47 @@ static inline void set_edges(struct patches *p, __m256 fast, __m256 s3, __m256 r
     p->s_last = p->r_last = _mm256_blendv_ps(one, far, fast);
 }
 
-/* Returns the mask of those that are not drawn so. */
-static inline unsigned set_patches(const struct corners *q, __m256 needed, struct patches *p)
+/* How pixels are asked for, and depth; what is left are the edges and ny. */
+struct turn {
+    __m256 det, det_far, s3, r3;
+};
+
+static inline struct turn set_axes(const struct corners *q, struct patches *p)
 {
-    __m256 x0 = q->x[0], y0 = q->y[0], one = splat(1), zero = _mm256_setzero_ps();
+    __m256 x0 = q->x[0], y0 = q->y[0];
     __m256 e1x = _mm256_sub_ps(q->x[1], x0), e1y = _mm256_sub_ps(q->y[1], y0);
     __m256 e2x = _mm256_sub_ps(q->x[2], x0), e2y = _mm256_sub_ps(q->y[2], y0);
     __m256 e3x = _mm256_sub_ps(q->x[3], x0), e3y = _mm256_sub_ps(q->y[3], y0);
-    __m256 det = cross(e1x, e2y, e1y, e2x), inverse = _mm256_div_ps(one, det);
-    __m256 det_far = cross(_mm256_sub_ps(e3x, e2x), _mm256_sub_ps(e3y, e1y), _mm256_sub_ps(e3y, e2y),
-                           _mm256_sub_ps(e3x, e1x));
+    __m256 det = cross(e1x, e2y, e1y, e2x), inverse = _mm256_div_ps(splat(1), det);
     p->x0 = x0, p->y0 = y0;
     p->sx = _mm256_mul_ps(e2y, inverse), p->sy = _mm256_mul_ps(e2x, inverse);
     p->rx = _mm256_mul_ps(e1y, inverse), p->ry = _mm256_mul_ps(e1x, inverse);
-    __m256 s3 = cross(e3x, p->sx, e3y, p->sy), r3 = cross(e3y, p->ry, e3x, p->rx);
     p->d0 = q->d[0];
     p->ds = _mm256_sub_ps(q->d[1], q->d[0]);
     p->dr = _mm256_sub_ps(q->d[2], q->d[0]);
     p->d_min = min4(q->d);
     p->d_max = max4(q->d);
-    p->i0 = q->i0, p->j0 = q->j0, p->nx = q->nx;
-    __m256 fast = in_order(_mm256_mul_ps(q->box, splat(SV_WARP_SLIVER)), absolute(det));
-    fast = _mm256_and_ps(fast, in_order(absolute(_mm256_sub_ps(s3, one)), splat(SV_WARP_TWIST)));
-    fast = _mm256_and_ps(fast, in_order(absolute(_mm256_sub_ps(r3, one)), splat(SV_WARP_TWIST)));
-    __m256 turned = _mm256_and_ps(in_order(det, zero), in_order(det_far, zero));
-    __m256 convex = _mm256_and_ps(over(det, _mm256_mul_ps(q->box, splat(SV_RELIEF_EDGE_ON))),
-                                  over(_mm256_add_ps(s3, r3), one));
-    convex = _mm256_and_ps(convex, _mm256_and_ps(within(s3, 0, 8), within(r3, 0, 8)));
-    set_edges(p, fast, s3, r3);
+    p->i0 = q->i0, p->j0 = q->j0, p->nx = q->nx, p->ny = q->ny;
+    return (struct turn){.det = det,
+                         .det_far = cross(_mm256_sub_ps(e3x, e2x), _mm256_sub_ps(e3y, e1y),
+                                          _mm256_sub_ps(e3y, e2y), _mm256_sub_ps(e3x, e1x)),
+                         .s3 = cross(e3x, p->sx, e3y, p->sy),
+                         .r3 = cross(e3y, p->ry, e3x, p->rx)};
+}
+
+/* Returns the mask of those that are not drawn so. */
+static inline unsigned set_patches(const struct corners *q, __m256 needed, struct patches *p)
+{
+    const __m256 one = splat(1), zero = _mm256_setzero_ps();
+    struct turn t = set_axes(q, p);
+    __m256 fast = in_order(_mm256_mul_ps(q->box, splat(SV_WARP_SLIVER)), absolute(t.det));
+    fast = _mm256_and_ps(fast, in_order(absolute(_mm256_sub_ps(t.s3, one)), splat(SV_WARP_TWIST)));
+    fast = _mm256_and_ps(fast, in_order(absolute(_mm256_sub_ps(t.r3, one)), splat(SV_WARP_TWIST)));
+    __m256 turned = _mm256_and_ps(in_order(t.det, zero), in_order(t.det_far, zero));
+    __m256 convex = _mm256_and_ps(over(t.det, _mm256_mul_ps(q->box, splat(SV_RELIEF_EDGE_ON))),
+                                  over(_mm256_add_ps(t.s3, t.r3), one));
+    convex = _mm256_and_ps(convex, _mm256_and_ps(within(t.s3, 0, 8), within(t.r3, 0, 8)));
+    set_edges(p, fast, t.s3, t.r3);
     __m256 drawn = _mm256_or_ps(fast, _mm256_andnot_ps(turned, _mm256_and_ps(convex, needed)));
     p->ny = _mm256_and_si256(q->ny, _mm256_castps_si256(drawn));
     return bits_of(_mm256_andnot_ps(_mm256_or_ps(drawn, turned), needed));
@@ -309,9 +325,14 @@ static inline int largest(__m256i v)
     return most > 0 ? most : 0;
 }
 
+/* Where in a texel a quarter lies: 1/2 + scale (s, r). NULL: cells. */
+struct quarters {
+    __m256 s_scale, r_scale;
+};
+
 /* Pixel (kx, ky) of each box. */
-static inline void slot(const struct patches *p, __m256 mask, __m256 s, __m256 r, __m256i pixel, __m256i code,
-                        struct sv_warp_list *list)
+static inline void slot(const struct patches *p, const struct quarters *quarters, __m256 mask, __m256 s,
+                        __m256 r, __m256i pixel, __m256i code, struct sv_warp_list *list)
 {
     __m256 a = cross(p->a_r, r, p->a_s, _mm256_sub_ps(s, p->s1));
     __m256 e = cross(p->e_s, s, p->e_r, _mm256_sub_ps(r, p->r1));
@@ -320,13 +341,18 @@ static inline void slot(const struct patches *p, __m256 mask, __m256 s, __m256 r
     __m256 sd = _mm256_min_ps(s, p->s_last), rd = _mm256_min_ps(r, p->r_last);
     __m256 d = _mm256_add_ps(_mm256_add_ps(p->d0, _mm256_mul_ps(sd, p->ds)), _mm256_mul_ps(rd, p->dr));
     d = _mm256_min_ps(_mm256_max_ps(d, p->d_min), p->d_max);
+    if (quarters) {
+        s = _mm256_add_ps(splat(0.5f), _mm256_mul_ps(s, quarters->s_scale));
+        r = _mm256_add_ps(splat(0.5f), _mm256_mul_ps(r, quarters->r_scale));
+    }
     sv_warp_list_add(list, in, pixel, d, _mm256_or_si256(code, place_of(s, r)));
 }
 
-static inline void draw_patches(const struct patches *p, int first, int width, struct sv_warp_list *list)
+static inline void draw_patches(const struct patches *p, const struct quarters *quarters, int first,
+                                int width, struct sv_warp_list *list)
 {
-    const __m256i lane = _mm256_setr_epi32(1, 0x10001, 0x20001, 0x30001, 0x40001, 0x50001, 0x60001, 0x70001);
-    __m256i code = _mm256_add_epi32(_mm256_set1_epi32(first << 16), lane);
+    const __m256i lane = _mm256_setr_epi32(0, 0x10000, 0x20000, 0x30000, 0x40000, 0x50000, 0x60000, 0x70000);
+    __m256i code = _mm256_add_epi32(_mm256_set1_epi32(first << 16 | (quarters ? 0 : 1)), lane);
     __m256i pixel = _mm256_add_epi32(_mm256_mullo_epi32(p->j0, _mm256_set1_epi32(width)), p->i0);
     __m256 dx0 = offset_of(p->i0, p->x0), dy0 = offset_of(p->j0, p->y0);
     int high = largest(p->ny),
@@ -338,11 +364,25 @@ static inline void draw_patches(const struct patches *p, int first, int width, s
             __m256 dx = _mm256_add_ps(dx0, splat((float)kx));
             __m256 s = _mm256_sub_ps(_mm256_mul_ps(dx, p->sx), sy);
             __m256 r = _mm256_sub_ps(ry, _mm256_mul_ps(dx, p->rx));
-            slot(p, _mm256_and_ps(mask, more_than(p->nx, kx)), s, r,
+            slot(p, quarters, _mm256_and_ps(mask, more_than(p->nx, kx)), s, r,
                  _mm256_add_epi32(pixel, _mm256_set1_epi32(kx)), code, list);
         }
         pixel = _mm256_add_epi32(pixel, _mm256_set1_epi32(width));
     }
+}
+
+/* Eight that wait; those from `count` on have no pixels. */
+static inline void load8(const struct sv_relief_waiting *w, int c, int count,
+                         const struct sv_warp_buffer *buffer, float slack, struct corners *q)
+{
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    for (int k = 0; k < 4; k++) {
+        q->x[k] = _mm256_loadu_ps(w->x[k] + c);
+        q->y[k] = _mm256_loadu_ps(w->y[k] + c);
+        q->d[k] = _mm256_loadu_ps(w->d[k] + c);
+    }
+    set_box(q, buffer, slack);
+    q->ny = _mm256_and_si256(q->ny, _mm256_cmpgt_epi32(_mm256_set1_epi32(count - c), lane));
 }
 
 int sv_relief_draw_waiting_avx2(struct sv_warp_job *job, const struct sv_relief_waiting *w, int count,
@@ -355,16 +395,9 @@ int sv_relief_draw_waiting_avx2(struct sv_warp_job *job, const struct sv_relief_
         struct corners q;
         struct patches p;
         unsigned inside = count - c < LANES ? (1u << (count - c)) - 1 : 255;
-        for (int k = 0; k < 4; k++) {
-            q.x[k] = _mm256_loadu_ps(w->x[k] + c);
-            q.y[k] = _mm256_loadu_ps(w->y[k] + c);
-            q.d[k] = _mm256_loadu_ps(w->d[k] + c);
-        }
-        set_box(&q, job->buffer);
-        const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-        q.ny = _mm256_and_si256(q.ny, _mm256_cmpgt_epi32(_mm256_set1_epi32(count - c), lane));
+        load8(w, c, count, job->buffer, 0, &q);
         unsigned rest = set_patches(&q, _mm256_loadu_ps((const float *)(const void *)(w->needed + c)), &p);
-        draw_patches(&p, c, job->buffer->width, &list);
+        draw_patches(&p, NULL, c, job->buffer->width, &list);
         if (list.count >= SV_WARP_LIST)
             sv_warp_list_put(&list, job, w->texel);
         for (rest &= inside; rest; rest &= rest - 1)
@@ -372,4 +405,26 @@ int sv_relief_draw_waiting_avx2(struct sv_warp_job *job, const struct sv_relief_
     }
     sv_warp_list_put(&list, job, w->texel);
     return listed;
+}
+
+void sv_relief_draw_quarters_avx2(struct sv_warp_job *job, const struct sv_relief_waiting *w, int count)
+{
+    const __m256 half = splat(0.5f), other = splat(-0.5f), all = _mm256_cmp_ps(half, half, _CMP_EQ_OQ);
+    struct sv_warp_list list;
+    list.count = 0; /* and nothing more: the rest is large */
+    for (int c = 0; c < count; c += LANES) {
+        struct corners q;
+        struct patches p;
+        load8(w, c, count, job->buffer, SV_RELIEF_QUARTER_SLACK, &q);
+        struct turn t = set_axes(&q, &p);
+        set_edges(&p, all, t.s3, t.r3);
+        __m256i k = _mm256_loadu_si256((const __m256i *)(const void *)(w->needed + c));
+        const struct quarters quarters = {
+            _mm256_blendv_ps(half, other, _mm256_castsi256_ps(_mm256_slli_epi32(k, 31))),
+            _mm256_blendv_ps(half, other, _mm256_castsi256_ps(_mm256_slli_epi32(k, 30)))};
+        draw_patches(&p, &quarters, c, job->buffer->width, &list);
+        if (list.count >= SV_WARP_LIST)
+            sv_warp_list_put(&list, job, w->texel);
+    }
+    sv_warp_list_put(&list, job, w->texel);
 }

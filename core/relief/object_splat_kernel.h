@@ -15,7 +15,12 @@
 /* Cells that are put off are drawn when there are this many; a row adds as many as a strip has. */
 enum { SV_RELIEF_WAITING = 64, SV_RELIEF_WAITING_ROOM = SV_RELIEF_WAITING + SV_WARP_STRIP + 8 };
 
-/* Corner k of a cell is texel k & 1 of row k >> 1. needed: all ones unless it is SPARE. */
+/* What rounding may do to the outline of a quarter, px. */
+#define SV_RELIEF_QUARTER_SLACK (1.0f / 1024)
+
+/* Corner k of a cell is texel k & 1 of row k >> 1. needed: all ones unless it is SPARE. Of a quarter: corner
+ * 0 is the texel's centre, 1 and 2 the middles of its edges, and needed the number of the texel in the cell.
+ */
 struct sv_relief_waiting {
     int count;
     float x[4][SV_RELIEF_WAITING_ROOM], y[4][SV_RELIEF_WAITING_ROOM], d[4][SV_RELIEF_WAITING_ROOM];
@@ -42,6 +47,10 @@ int sv_relief_put_off_avx2(const struct sv_warp_job *job, const struct sv_warp_r
 /* Draws the first `count` that wait; lists those that are not convex and needed, and returns their number. */
 int sv_relief_draw_waiting_avx2(struct sv_warp_job *job, const struct sv_relief_waiting *waiting, int count,
                                 uint16_t *left);
+
+/* Draws the first `count` quarters that wait. */
+void sv_relief_draw_quarters_avx2(struct sv_warp_job *job, const struct sv_relief_waiting *waiting,
+                                  int count);
 
 /* sv_relief_splat at a given level (tests). */
 void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
