@@ -311,6 +311,15 @@ struct work {
     uint16_t listed[SV_RELIEF_WAITING_ROOM];
 };
 
+/* Pixels from (x0, y0) to (x1, y1) may be written. */
+static void touch(struct sv_warp_buffer *buffer, float x0, float y0, float x1, float y1)
+{
+    float w = (float)buffer->width, h = (float)buffer->height;
+    if (x1 >= 0 && y1 >= 0 && x0 <= w && y0 <= h)
+        sv_warp_touch(buffer, (int)max2(x0 - 1, 0), (int)max2(y0 - 1, 0), (int)min2(x1 + 2, w),
+                      (int)min2(y1 + 2, h));
+}
+
 /* Draws quarter k by its edges, or lets it wait. One that is turned away or seen edge-on is not drawn: bodies
  * are closed. */
 static void take_quarter(struct work *work, int k, const float here[3], const float e1[3], const float e2[3],
@@ -327,6 +336,7 @@ static void take_quarter(struct work *work, int k, const float here[3], const fl
         .texel = texel,
     };
     struct sv_relief_waiting *w = &work->quarters;
+    touch(work->job.buffer, least_of(q.x), least_of(q.y), most_of(q.x), most_of(q.y));
     if (!work->wide || size > SV_WARP_SMALL - 1) { /* of `size` px: at most SV_WARP_SMALL pixels a side */
         draw_quarter(&work->job, &q, k);
         return;
@@ -443,9 +453,7 @@ static void draw_cells(struct work *work, const struct sv_warp_row *up, const st
         put_off(work, up, lo, n, rim);
     else
         draw_left(work, up, lo, n, rim);
-    x0 = max2(x0 - reach, 0), y0 = max2(y0 - reach, 0);
-    x1 = min2(x1 + reach + 1, (float)buffer->width), y1 = min2(y1 + reach + 1, (float)buffer->height);
-    sv_warp_touch(buffer, (int)x0, (int)y0, (int)x1, (int)y1);
+    touch(buffer, x0, y0, x1, y1); /* full cells; others do so for themselves */
 }
 
 static const struct sv_warp_kernel *kernel_of(enum sv_simd level)
