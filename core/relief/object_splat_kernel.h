@@ -1,4 +1,5 @@
-/* object_splat_kernel.h - what object_splat.c and its AVX2 kernels share. Private to them.
+/* object_splat_kernel.h - what object_splat.c and its AVX2 kernels share. Scalar front and drop: object_front.c.
+ * Private to them.
  *
  * A full cell of at most SV_WARP_SMALL pixels a side is put off until eight of them are together: no order of
  * drawing changes the picture. All others are drawn where they are met. */
