@@ -9,7 +9,6 @@
  * equal halves the nearer one). Albedo, sky and normal are means over the samples within SAME_TEXELS of it,
  * or within cut where that is less; coverage counts all samples. */
 #include <math.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,6 +18,7 @@
 #include "core/gl/program.h"
 #include "core/gl/target.h"
 #include "core/relief/build.h"
+#include "core/tree/draw_mesh_upload.h"
 
 enum { SAMPLES_MAX = 8, TILE_SIDE = 1024 /* samples; 20 MB, and few enough tiles */ };
 /* Displ within which samples of one texel are one surface, in texels: a slope of 63 degrees spans this much
@@ -27,7 +27,6 @@ enum { SAMPLES_MAX = 8, TILE_SIDE = 1024 /* samples; 20 MB, and few enough tiles
 /* By how much the depth range is widened at both ends, so that what lies on an end is in. */
 #define RANGE_MARGIN (1.0 / 4096)
 
-enum { AT_POSITION, AT_NORMAL, AT_OCCLUSION, AT_UV }; /* locations in relief_bake.vert */
 enum { UNIFORM_CLIP, UNIFORM_TURN, UNIFORM_BASE, UNIFORM_CUTOFF };
 
 struct bake {
@@ -38,8 +37,8 @@ struct bake {
     float turn[9];                      /* model to (a^, b^, f), column-major */
     float same;                         /* m */
     int tile;                           /* texels a side of a full tile */
-    GLuint array, vertices, indices, white;
-    GLuint textures[SV_TREE_MATERIALS_MAX]; /* 0: the white one */
+    struct sv_mesh_upload upload;       /* textures: 0: the white one */
+    GLuint white;
     struct sv_gl_target *target;
     struct sv_image color, normal, depth; /* of one tile */
 };
@@ -56,53 +55,6 @@ static enum sv_status check(const struct sv_relief_bake_options *o, struct sv_er
                        "is %g m with front_m %g m: together they must be above 0 and finite", o->depth_m,
                        o->front_m);
     return SV_OK;
-}
-
-static GLuint make_texture(int width, int height, const void *rgba)
-{
-    GLuint name;
-    gl.GenTextures(1, &name);
-    gl.BindTexture(GL_TEXTURE_2D, name);
-    gl.TexStorage2D(GL_TEXTURE_2D, 1, GL_SRGB8_ALPHA8, width, height);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
-    return name;
-}
-
-static void attribute(GLuint at, GLint size, GLenum type, GLboolean normalized, size_t offset)
-{
-    gl.EnableVertexAttribArray(at);
-    gl.VertexAttribPointer(at, size, type, normalized, sizeof(struct sv_tree_vertex), (const void *)offset);
-}
-
-static void upload(struct bake *b)
-{
-    static const uint8_t white[4] = {255, 255, 255, 255};
-    const struct sv_tree_mesh *mesh = b->mesh;
-    gl.GenVertexArrays(1, &b->array);
-    gl.GenBuffers(1, &b->vertices);
-    gl.GenBuffers(1, &b->indices);
-    gl.BindVertexArray(b->array);
-    gl.BindBuffer(GL_ARRAY_BUFFER, b->vertices);
-    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(mesh->vertex_count * sizeof *mesh->vertices), mesh->vertices,
-                  GL_STATIC_DRAW);
-    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, b->indices);
-    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)(mesh->index_count * sizeof *mesh->indices),
-                  mesh->indices, GL_STATIC_DRAW);
-    attribute(AT_POSITION, 3, GL_FLOAT, GL_FALSE, offsetof(struct sv_tree_vertex, position));
-    attribute(AT_NORMAL, 3, GL_SHORT, GL_TRUE, offsetof(struct sv_tree_vertex, normal));
-    attribute(AT_OCCLUSION, 1, GL_UNSIGNED_SHORT, GL_TRUE, offsetof(struct sv_tree_vertex, occlusion));
-    attribute(AT_UV, 2, GL_FLOAT, GL_FALSE, offsetof(struct sv_tree_vertex, uv));
-    gl.BindVertexArray(0);
-    b->white = make_texture(1, 1, white);
-    for (int m = 0; m < mesh->material_count; m++) {
-        const struct sv_image *albedo = &mesh->materials[m].albedo;
-        if (albedo->data)
-            b->textures[m] = make_texture(albedo->width, albedo->height, albedo->data);
-    }
 }
 
 static void set_geometry(struct bake *b, const struct sv_relief_frame *f)
@@ -153,6 +105,7 @@ static enum sv_status obtain_programs(struct sv_error *error)
 
 static enum sv_status prepare(struct bake *b, struct sv_error *error)
 {
+    static const uint8_t white[4] = {255, 255, 255, 255};
     int side = b->tile * b->options->samples;
     enum sv_status status = obtain_programs(error);
     if (!status)
@@ -166,16 +119,14 @@ static enum sv_status prepare(struct bake *b, struct sv_error *error)
         status = sv_image_alloc(side, side, 1, SV_PIXEL_F32, &b->depth, error);
     if (status)
         return status;
-    upload(b);
+    sv_mesh_upload_init(b->mesh, false, &b->upload);
+    b->white = sv_mesh_upload_texture(1, 1, white, false);
     return sv_gl_check("uploading a mesh to bake", error);
 }
 
 static void release(struct bake *b)
 {
-    gl.DeleteVertexArrays(1, &b->array);
-    gl.DeleteBuffers(1, &b->vertices);
-    gl.DeleteBuffers(1, &b->indices);
-    gl.DeleteTextures(SV_TREE_MATERIALS_MAX, b->textures);
+    sv_mesh_upload_finish(&b->upload);
     gl.DeleteTextures(1, &b->white);
     sv_gl_target_destroy(b->target);
     sv_image_free(&b->color);
@@ -203,14 +154,14 @@ static void tile_clip(const struct bake *b, struct sv_vec3 origin, int column, i
 
 static void draw(const struct bake *b, const float clip[16])
 {
-    gl.BindVertexArray(b->array);
+    gl.BindVertexArray(b->upload.array);
     gl.ActiveTexture(GL_TEXTURE0);
     for (int k = 0; k < b->mesh->material_count; k++) {
         const struct sv_tree_material *m = &b->mesh->materials[k];
         if (m->index_count == 0)
             continue;
-        gl.UseProgram(m->masked && b->textures[k] ? programs.masked : programs.plain);
-        gl.BindTexture(GL_TEXTURE_2D, b->textures[k] ? b->textures[k] : b->white);
+        gl.UseProgram(m->masked && b->upload.textures[k] ? programs.masked : programs.plain);
+        gl.BindTexture(GL_TEXTURE_2D, b->upload.textures[k] ? b->upload.textures[k] : b->white);
         gl.UniformMatrix4fv(UNIFORM_CLIP, 1, GL_FALSE, clip);
         gl.UniformMatrix3fv(UNIFORM_TURN, 1, GL_FALSE, b->turn);
         gl.Uniform4fv(UNIFORM_BASE, 1, m->base_color);

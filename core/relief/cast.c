@@ -9,6 +9,9 @@
 
 #include <stdlib.h>
 
+/* A displ may be as large as floats are; a depth along the light, of twice that, must not become infinite,
+ * nor sums of it. Depths beyond are held there. */
+#define DEPTH_MAX 1e38
 enum { SIDE_MAX = 4096 }; /* px of a silhouette; texel_m is raised where a body would need more */
 
 /* One coordinate as an affine map of a relief's (u, v, displ). */
@@ -122,6 +125,7 @@ struct row {
 struct caster {
     const struct sv_relief *relief;
     struct affine s, t, z;
+    bool vast; /* differences of displ may leave floats: rows are projected in double */
     struct canvas canvas;
     struct row row[2];
 };
@@ -204,7 +208,7 @@ static inline void draw_quad(const struct canvas *c, struct vertex p, struct ver
 static struct vertex project(const struct caster *k, double u, double v, double d)
 {
     return (struct vertex){(float)affine_at(&k->s, u, v, d), (float)affine_at(&k->t, u, v, d),
-                           (float)affine_at(&k->z, u, v, d)};
+                           (float)sv_clamp(affine_at(&k->z, u, v, d), -DEPTH_MAX, DEPTH_MAX)};
 }
 
 /* Where a cell is no surface of four: each pair of neighbours in it that is one surface reaches half a texel
@@ -246,6 +250,14 @@ static void project_row(const struct caster *k, int j, const struct row *out)
     size_t at = (size_t)j * (size_t)w;
     for (int i = 0; i < w; i++)
         out->displ[i + 1] = sv_relief_solid(r, at + (size_t)i) ? r->displ[at + (size_t)i] : NAN;
+    for (int i = 1; k->vast && i <= w; i++) {
+        struct vertex x = project(k, i - 0.5, j + 0.5, (double)out->displ[i]);
+        out->s[i] = x.s;
+        out->t[i] = x.t;
+        out->z[i] = x.z;
+    }
+    if (k->vast)
+        return;
     const struct affine *maps[3] = {&k->s, &k->t, &k->z};
     const float from = r->displ_min; /* small differences stay small beside a large displ */
     float *to[3] = {out->s, out->t, out->z};
@@ -356,11 +368,13 @@ enum sv_status sv_cast_silhouette(const struct sv_relief *relief, struct sv_vec3
     uint8_t *coverage = (uint8_t *)(first + n + scratch);
     for (size_t i = 0; i < n; i++)
         first[i] = INFINITY;
-    struct caster k = {.relief = relief,
-                       .s = along(&relief->frame, s.corner, s.right, s.width / s.width_m),
-                       .t = along(&relief->frame, s.corner, s.down, s.height / s.height_m),
-                       .z = along(&relief->frame, s.corner, s.travel, 1),
-                       .canvas = {s.width, s.height, first}};
+    struct caster k = {
+        .relief = relief,
+        .s = along(&relief->frame, s.corner, s.right, s.width / s.width_m),
+        .t = along(&relief->frame, s.corner, s.down, s.height / s.height_m),
+        .z = along(&relief->frame, s.corner, s.travel, 1),
+        .vast = !(s.last_m < DEPTH_MAX && (double)relief->displ_max - (double)relief->displ_min < DEPTH_MAX),
+        .canvas = {s.width, s.height, first}};
     if (relief->solid_count)
         draw_relief(&k, first + n);
     for (size_t i = 0; i < n; i++)

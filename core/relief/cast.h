@@ -25,11 +25,12 @@ SV_MUST_CHECK enum sv_status sv_cast_order(const struct sv_relief *const *relief
                                            struct sv_vec3 travel, int *order, struct sv_error *error);
 
 /* Silhouette of one relief as the light sees it. Coverage is 255 or 0, `first` the depth along the light at
- * which the body begins (INFINITY: not covered). A pixel is covered when its centre lies behind the surface:
- * bilinear cells between untorn solid texels (two triangles each, so that there are no pin-holes at any
- * magnification), at outlines each texel's own box. Seen edge-on a surface covers nothing. texel_m: side of a
- * pixel, > 0; raised where a side would have more than 4096 of them. An empty relief has a silhouette that
- * covers nothing. Heap; sv_cast_silhouette_finish. SV_EINVAL, SV_ENOMEM. */
+ * which the body begins (INFINITY: not covered; finite for any displ: held at 1e38 m). A pixel is covered
+ * when its centre lies behind the surface: bilinear cells between untorn solid texels (two triangles each, so
+ * that there are no pin-holes at any magnification), at outlines each texel's own box. Seen edge-on a surface
+ * covers nothing. texel_m: side of a pixel, > 0; raised where a side would have more than 4096 of them. An
+ * empty relief has a silhouette that covers nothing. Heap; sv_cast_silhouette_finish. SV_EINVAL, SV_ENOMEM.
+ */
 SV_MUST_CHECK enum sv_status sv_cast_silhouette(const struct sv_relief *relief, struct sv_vec3 travel,
                                                 double texel_m, struct sv_silhouette *silhouette,
                                                 struct sv_error *error);

@@ -298,6 +298,13 @@ static double shade_top(const struct sv_object_sun *sun, double x, double y)
     double column = sv_dot(d, s->right) / sun->texel; /* right is level: the same for the whole line */
     if (!(column >= 0 && column < s->width))
         return -INFINITY;
+    if (s->down.z > -1e-6) { /* straight down: the line is one texel, dark below where the body begins */
+        double row = sv_dot(d, s->down) / sun->texel;
+        size_t i = (size_t)fmax(row, 0) * (size_t)s->width + (size_t)column;
+        return row >= 0 && row < s->height && s->coverage[i]
+                   ? ((double)s->first[i] - sv_dot(d, s->travel)) / s->travel.z
+                   : -INFINITY;
+    }
     /* (d + z up) . down = (row + 0.5) texel, and down.z < 0: the first row that is covered is the highest z.
      */
     for (int row = 0; row < s->height; row++) {

@@ -4,7 +4,6 @@
 #include "core/relief/draw_object_mesh.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,8 +11,8 @@
 #include "core/gl/context.h"
 #include "core/gl/functions.h"
 #include "core/gl/program.h"
+#include "core/tree/draw_mesh_upload.h"
 
-enum { AT_POSITION, AT_NORMAL, AT_OCCLUSION, AT_UV }; /* locations in object_mesh.vert */
 enum { UNIFORM_PLACE, UNIFORM_TURN, UNIFORM_SUN_RIGHT, UNIFORM_SUN_DOWN, UNIFORM_SUN_TRAVEL };
 enum {
     UNIFORM_BASE = 8,
@@ -32,8 +31,7 @@ enum { UNIT_ALBEDO, UNIT_SUN };
 
 struct model_mesh {
     const struct sv_tree_mesh *mesh;
-    GLuint array, vertices, indices;
-    GLuint textures[SV_TREE_MATERIALS_MAX]; /* 0: the white one */
+    struct sv_mesh_upload upload; /* textures: 0: the white one */
 };
 
 struct sun_map {
@@ -51,24 +49,6 @@ struct sv_object_meshes {
     GLuint white, open;   /* textures of one texel: no albedo, no shadow map */
 };
 
-static GLuint make_texture(int width, int height, const void *rgba)
-{
-    GLuint name;
-    int levels = 1;
-    while (levels < 16 && (width >> levels || height >> levels))
-        levels++;
-    gl.GenTextures(1, &name);
-    gl.BindTexture(GL_TEXTURE_2D, name);
-    gl.TexStorage2D(GL_TEXTURE_2D, levels, GL_SRGB8_ALPHA8, width, height);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    gl.GenerateMipmap(GL_TEXTURE_2D);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
-    return name;
-}
-
 static GLuint make_depth_texture(int width, int height, const float *depth)
 {
     GLuint name;
@@ -79,37 +59,6 @@ static GLuint make_depth_texture(int width, int height, const float *depth)
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     return name;
-}
-
-static void attribute(GLuint at, GLint size, GLenum type, GLboolean normalized, size_t offset)
-{
-    gl.EnableVertexAttribArray(at);
-    gl.VertexAttribPointer(at, size, type, normalized, sizeof(struct sv_tree_vertex), (const void *)offset);
-}
-
-static void upload(struct model_mesh *m)
-{
-    const struct sv_tree_mesh *mesh = m->mesh;
-    gl.GenVertexArrays(1, &m->array);
-    gl.GenBuffers(1, &m->vertices);
-    gl.GenBuffers(1, &m->indices);
-    gl.BindVertexArray(m->array);
-    gl.BindBuffer(GL_ARRAY_BUFFER, m->vertices);
-    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(mesh->vertex_count * sizeof *mesh->vertices), mesh->vertices,
-                  GL_STATIC_DRAW);
-    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
-    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)(mesh->index_count * sizeof *mesh->indices),
-                  mesh->indices, GL_STATIC_DRAW);
-    attribute(AT_POSITION, 3, GL_FLOAT, GL_FALSE, offsetof(struct sv_tree_vertex, position));
-    attribute(AT_NORMAL, 3, GL_SHORT, GL_TRUE, offsetof(struct sv_tree_vertex, normal));
-    attribute(AT_OCCLUSION, 1, GL_UNSIGNED_SHORT, GL_TRUE, offsetof(struct sv_tree_vertex, occlusion));
-    attribute(AT_UV, 2, GL_FLOAT, GL_FALSE, offsetof(struct sv_tree_vertex, uv));
-    gl.BindVertexArray(0);
-    for (int k = 0; k < mesh->material_count; k++) {
-        const struct sv_image *albedo = &mesh->materials[k].albedo;
-        if (albedo->data)
-            m->textures[k] = make_texture(albedo->width, albedo->height, albedo->data);
-    }
 }
 
 enum sv_status sv_object_meshes_create(const struct sv_object_model *models, int model_count, int map_count,
@@ -138,11 +87,11 @@ enum sv_status sv_object_meshes_create(const struct sv_object_model *models, int
         sv_object_meshes_destroy(m);
         return status;
     }
-    m->white = make_texture(1, 1, white);
+    m->white = sv_mesh_upload_texture(1, 1, white, true);
     m->open = make_depth_texture(1, 1, &open);
     for (int k = 0; k < model_count; k++) {
         m->models[k].mesh = &models[k].mesh;
-        upload(&m->models[k]);
+        sv_mesh_upload_init(&models[k].mesh, true, &m->models[k].upload);
     }
     status = sv_gl_check("uploading objects", error);
     if (status)
@@ -156,12 +105,8 @@ void sv_object_meshes_destroy(struct sv_object_meshes *m)
 {
     if (!m)
         return;
-    for (int k = 0; k < m->model_count; k++) {
-        gl.DeleteVertexArrays(1, &m->models[k].array);
-        gl.DeleteBuffers(1, &m->models[k].vertices);
-        gl.DeleteBuffers(1, &m->models[k].indices);
-        gl.DeleteTextures(SV_TREE_MATERIALS_MAX, m->models[k].textures);
-    }
+    for (int k = 0; k < m->model_count; k++)
+        sv_mesh_upload_finish(&m->models[k].upload);
     for (int k = 0; k < m->map_count; k++)
         gl.DeleteTextures(1, &m->maps[k].texture);
     if (m->white) { /* else there may be no GL at all */
@@ -227,16 +172,16 @@ static void draw_entry(struct sv_object_meshes *m, const struct sv_object_mesh_e
     gl.ActiveTexture(GL_TEXTURE0 + UNIT_SUN);
     gl.BindTexture(GL_TEXTURE_2D, sun_texture(m, e));
     gl.ActiveTexture(GL_TEXTURE0 + UNIT_ALBEDO);
-    gl.BindVertexArray(model->array);
+    gl.BindVertexArray(model->upload.array);
     for (int k = 0; k < model->mesh->material_count; k++) {
         const struct sv_tree_material *material = &model->mesh->materials[k];
         if (material->index_count == 0)
             continue;
-        GLuint program = material->masked && model->textures[k] ? m->masked : m->plain;
+        GLuint program = material->masked && model->upload.textures[k] ? m->masked : m->plain;
         if (program != current)
             set_object(program, e, eye);
         current = program;
-        gl.BindTexture(GL_TEXTURE_2D, model->textures[k] ? model->textures[k] : m->white);
+        gl.BindTexture(GL_TEXTURE_2D, model->upload.textures[k] ? model->upload.textures[k] : m->white);
         gl.Uniform4fv(UNIFORM_BASE, 1, material->base_color);
         gl.Uniform1f(UNIFORM_CUTOFF, material->alpha_cutoff);
         gl.DrawElements(GL_TRIANGLES, (GLsizei)material->index_count, GL_UNSIGNED_INT,

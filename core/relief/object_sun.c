@@ -7,6 +7,8 @@
 
 #include "core/base/frames.h"
 
+/* Model space has height 1; what is a billion times that is no model (object.c has the same). */
+static const float REACH_MAX = 1e9f;
 enum { BORDER = 2 }; /* empty texels around, so that a lookup between texels ends in light */
 
 struct axes {
@@ -52,7 +54,8 @@ static bool kept(const struct sv_tree_material *m, float u, float v)
     const float uv[2] = {u, v};
     const int size[2] = {m->albedo.width, m->albedo.height};
     for (int k = 0; k < 2; k++) {
-        at[k] = (int)((uv[k] - floorf(uv[k])) * (float)size[k]);
+        float in = uv[k] - floorf(uv[k]); /* NaN where it is not finite */
+        at[k] = in > 0 ? (int)(in * (float)size[k]) : 0;
         at[k] = at[k] >= size[k] ? size[k] - 1 : at[k];
     }
     const uint8_t *texel =
@@ -60,10 +63,20 @@ static bool kept(const struct sv_tree_material *m, float u, float v)
     return (float)texel[3] / 255.0f * m->base_color[3] >= m->alpha_cutoff;
 }
 
+/* What edges' tests forgive, texels across an edge: more than floats of 1024 texels round by. Light straight
+ * down on a model that is turned by 45 degrees puts rows of texel centres on the very edges of its triangles;
+ * by rounding alone they would lie in neither of the two, and single texels in its shadow would be lit. */
+#define SLACK 6e-4f
+
+static float unit(float x)
+{
+    return x < 0 ? 0 : x > 1 ? 1 : x;
+}
+
 static void draw_triangle(const struct sv_tree_material *m, const struct corner *a, const struct corner *b,
                           const struct corner *c, int width, int height, float *first)
 {
-    float area = (b->x - a->x) * (c->y - a->y) - (b->y - a->y) * (c->x - a->x);
+    float bx = b->x - a->x, by = b->y - a->y, cx = c->x - a->x, cy = c->y - a->y, area = bx * cy - by * cx;
     if (!(fabsf(area) > 1e-9f))
         return; /* seen edge on */
     int x0 = (int)floorf(fminf(a->x, fminf(b->x, c->x))), x1 = (int)ceilf(fmaxf(a->x, fmaxf(b->x, c->x)));
@@ -71,14 +84,15 @@ static void draw_triangle(const struct sv_tree_material *m, const struct corner 
     x0 = x0 < 0 ? 0 : x0, y0 = y0 < 0 ? 0 : y0;
     x1 = x1 > width ? width : x1, y1 = y1 > height ? height : y1;
     bool masked = m->masked && m->albedo.data;
+    float slack = SLACK * (fabsf(bx) + fabsf(by) + fabsf(cx) + fabsf(cy)) / fabsf(area);
     for (int y = y0; y < y1; y++)
         for (int x = x0; x < x1; x++) {
             float px = (float)x + 0.5f - a->x, py = (float)y + 0.5f - a->y;
-            float u = (px * (c->y - a->y) - py * (c->x - a->x)) / area;
-            float v = ((b->x - a->x) * py - (b->y - a->y) * px) / area, w = 1 - u - v;
-            if (u < 0 || v < 0 || w < 0)
+            float u = (px * cy - py * cx) / area, v = (bx * py - by * px) / area;
+            if (u < -slack || v < -slack || u + v > 1 + slack)
                 continue;
-            float depth = w * a->depth + u * b->depth + v * c->depth;
+            u = unit(u), v = unit(v);
+            float w = unit(1 - u - v), depth = w * a->depth + u * b->depth + v * c->depth;
             float *at = &first[(size_t)y * (size_t)width + (size_t)x];
             if (depth < *at && (!masked || kept(m, w * a->uv[0] + u * b->uv[0] + v * c->uv[0],
                                                 w * a->uv[1] + u * b->uv[1] + v * c->uv[1])))
@@ -118,6 +132,12 @@ static enum sv_status check(const struct sv_tree_mesh *mesh, double heading_rad,
                        travel.y, travel.z, heading_rad);
     if (mesh->vertex_count == 0)
         return sv_fail(error, SV_EINVAL, "mesh", "has no vertices");
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        const float *p = mesh->vertices[v].position;
+        if (!(fabsf(p[0]) <= REACH_MAX && fabsf(p[1]) <= REACH_MAX && fabsf(p[2]) <= REACH_MAX))
+            return sv_fail(error, SV_EINVAL, "mesh", "has a vertex at (%g, %g, %g)", (double)p[0],
+                           (double)p[1], (double)p[2]);
+    }
     return SV_OK;
 }
 

@@ -24,7 +24,8 @@ struct sv_object_sun {
 
 /* side: texels along the longer side of the outline, SV_OBJECT_SUN_SIDE_MIN .. MAX. travel: direction in
  * which light travels, world axes, any length over 0. first[] is INFINITY where coverage is 0. SV_EINVAL
- * names what is out of range, SV_ENOMEM. */
+ * names what is out of range (a
+ * vertex that is not finite or beyond 1e9 heights is), SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_object_sun_create(const struct sv_tree_mesh *mesh, double heading_rad,
                                                   struct sv_vec3 travel, int side, struct sv_object_sun *sun,
                                                   struct sv_error *error);

@@ -1,12 +1,11 @@
 /* prewarp_fill.c - disocclusions of the two-pass warp: found, counted, filled from the far side.
  *
- * On a torn edge between two texels stands a wall, from the displ of one to that of the other; its rims
- * follow the surfaces on either side (half a texel each way to the neighbours that they hold together with).
- * Seen so that its two rims come apart (the nearer one has moved away from the farther one), it opens on what
- * the relief does not know: samples inside its picture where no texel landed are holes. Walls whose rims
- * close over each other are hidden by the surface itself. A hole takes colour, displ and texel of the wall's
- * far rim, and where several walls are seen through one sample the nearest decides: walls come in McMillan's
- * order, later ones overwrite.
+ * On a torn edge between two texels stands a wall, from the displ of one to that of the other; its rims are
+ * where the quarters on either side end (prewarp_cells.c). Seen so that its two rims come apart (the nearer
+ * one has moved away from the farther one), it opens on what the relief does not know: samples inside its
+ * picture where no texel landed are holes. Walls whose rims close over each other are hidden by the surface
+ * itself. A hole takes colour, displ and texel of the wall's far rim, and where several walls are seen
+ * through one sample the nearest decides: walls come in McMillan's order, later ones overwrite.
  *
  * Rounding may leave a sample out between a wall and its surface: it is closed when three of its four
  * neighbours are there, one of them a hole. */
@@ -16,9 +15,8 @@
 #include "core/relief/prewarp_private.h"
 
 /* A wall's picture: p along the axis that it is torn along, q across; rim 0 belongs to the texel before. */
-enum { STATIONS = 3 }; /* border, centre and border of the texel, across */
 struct wall {
-    double p[2][STATIONS], q[2][STATIONS];
+    double p[2][2], q[2][2];
     size_t step_p, step_q;
     int samples_p, samples_q;
     size_t far_texel;
@@ -86,60 +84,67 @@ static double opening(const double *a, const double *b, const double *c)
 
 static void draw_wall(struct filler *f, const struct wall *w)
 {
-    for (int k = 0; k + 1 < STATIONS; k++) {
-        double corner[4][2];
-        for (int m = 0; m < 4; m++) {
-            corner[m][0] = w->p[m >> 1][k + (m & 1)];
-            corner[m][1] = w->q[m >> 1][k + (m & 1)];
-        }
-        if (opening(corner[0], corner[1], corner[3]) > 0)
-            draw_triangle(f, w, corner[0], corner[1], corner[3]);
-        if (opening(corner[0], corner[3], corner[2]) > 0)
-            draw_triangle(f, w, corner[0], corner[3], corner[2]);
+    double corner[4][2];
+    for (int m = 0; m < 4; m++) {
+        corner[m][0] = w->p[m >> 1][m & 1];
+        corner[m][1] = w->q[m >> 1][m & 1];
     }
+    if (opening(corner[0], corner[1], corner[3]) > 0)
+        draw_triangle(f, w, corner[0], corner[1], corner[3]);
+    if (opening(corner[0], corner[3], corner[2]) > 0)
+        draw_triangle(f, w, corner[0], corner[3], corner[2]);
 }
 
-/* displ at the border towards a neighbour, which may not be there. */
-static double border(const struct sv_prewarp_work *w, size_t texel, bool exists, size_t neighbour)
-{
-    double d = w->relief->displ[texel];
-    return exists && sv_prewarp_same(w, texel, neighbour) ? 0.5 * (d + w->relief->displ[neighbour]) : d;
-}
-
-/* Where (u, v) at displ d lands: along the axis torn along, and across. */
-static void land(const struct sv_prewarp_work *w, double u, double v, double d, bool second, double *p,
-                 double *q)
-{
-    double tau = 1 + w->k3 * d;
-    double x = ((u + w->k1 * d) / tau - w->u0) * w->scale_u; /* eq. 1, 3 */
-    double y = ((v + w->k2 * d) / tau - w->v0) * w->scale_v; /* eq. 1, 3 */
-    *p = second ? y : x;
-    *q = second ? x : y;
-}
-
-/* The wall between texel (i, j) and the one before it along the first (second) axis. */
-static void try_wall(struct filler *f, int i, int j, bool second)
+/* The wall in a cell between the quarters of corners o and o ^ way (1: next to each other along the first
+ * axis, 2: along the second), when they are two surfaces: from the cell's side to its middle. */
+static void try_wall(struct filler *f, const struct sv_prewarp_cell *cell, int o, int way)
 {
     const struct sv_prewarp_work *w = f->w;
-    size_t along = second ? w->step_v : w->step_u, across = second ? w->step_u : w->step_v;
-    size_t t1 = (size_t)i * w->step_u + (size_t)j * w->step_v, t[2] = {t1 - along, t1};
-    int q = second ? i : j, count = second ? w->width : w->height;
-    if (!sv_prewarp_drawn(w, t[0]) || !sv_prewarp_drawn(w, t[1]) || sv_prewarp_same(w, t[0], t[1]))
+    int corner[2] = {o, o ^ way};
+    if (cell->part[o] < 0 || cell->part[o ^ way] < 0 || cell->part[o] == cell->part[o ^ way])
         return;
-    const float *displ = w->relief->displ;
+    bool second = way == 2;
     struct wall wall = {.step_p = second ? w->out_step_y : w->out_step_x,
                         .step_q = second ? w->out_step_x : w->out_step_y,
                         .samples_p = second ? w->out_height : w->out_width,
-                        .samples_q = second ? w->out_width : w->out_height,
-                        .far_texel = w->toward * ((double)displ[t[1]] - displ[t[0]]) > 0 ? t[0] : t[1]};
+                        .samples_q = second ? w->out_width : w->out_height};
+    double displ[2];
     for (int rim = 0; rim < 2; rim++) {
-        double d[STATIONS] = {border(w, t[rim], q > 0, t[rim] - across), displ[t[rim]],
-                              border(w, t[rim], q + 1 < count, t[rim] + across)};
-        for (int k = 0; k < STATIONS; k++)
-            land(w, i + (second ? 0.5 * k : 0), j + (second ? 0 : 0.5 * k), d[k], second, &wall.p[rim][k],
-                 &wall.q[rim][k]);
+        struct sv_prewarp_vertex at[2] = {sv_prewarp_quarter(w, cell, corner[rim], (enum sv_prewarp_spot)way),
+                                          sv_prewarp_quarter(w, cell, corner[rim], SV_PREWARP_MIDDLE)};
+        displ[rim] = at[0].displ + at[1].displ;
+        for (int k = 0; k < 2; k++) {
+            /* across, the wall runs from low to high: its middle is the end of the halves before it */
+            int to = o & (3 ^ way) ? 1 - k : k;
+            wall.p[rim][to] = second ? at[k].y : at[k].x;
+            wall.q[rim][to] = second ? at[k].x : at[k].y;
+        }
     }
+    wall.far_texel = cell->texel[corner[w->toward * (displ[1] - displ[0]) > 0 ? 0 : 1]];
     draw_wall(f, &wall);
+}
+
+/* No wall stands in a cell whose neighbours differ by less than cut, drawn or not: most cells. */
+static bool level_enough(const struct sv_prewarp_work *w, int i, int j)
+{
+    if (i < 1 || j < 1 || i >= w->width || j >= w->height)
+        return false;
+    const float *d = w->relief->displ + (size_t)i * w->step_u + (size_t)j * w->step_v, *up = d - w->step_v;
+    const float cut = w->relief->cut, *left = d - w->step_u, *corner = up - w->step_u;
+    return fabsf(*d - *up) <= cut && fabsf(*d - *left) <= cut && fabsf(*corner - *up) <= cut &&
+           fabsf(*corner - *left) <= cut;
+}
+
+static void try_walls(struct filler *f, int i, int j)
+{
+    struct sv_prewarp_cell cell;
+    if (level_enough(f->w, i, j))
+        return;
+    sv_prewarp_cell_init(f->w, i, j, &cell);
+    for (int k = 0; k < 2 && !cell.plain; k++) {
+        try_wall(f, &cell, 2 * k, 1);
+        try_wall(f, &cell, k, 2);
+    }
 }
 
 static void close_cracks(struct filler *f)
@@ -178,21 +183,16 @@ enum sv_status sv_prewarp_fill(const struct sv_prewarp_work *work, bool fill, st
         return SV_OK;
     size_t samples = (size_t)w->out->width * (size_t)w->out->height;
     struct filler f = {.w = w, .hole = calloc(samples, 1), .fill = fill};
-    int32_t *order_v = malloc((size_t)w->height * sizeof *order_v);
+    int32_t *order_v = malloc(((size_t)w->height + 1) * sizeof *order_v);
     if (!f.hole || !order_v) {
         free(f.hole);
         free(order_v);
         return sv_fail(error, SV_ENOMEM, "options", "no memory to find holes in %zu samples", samples);
     }
-    (void)sv_prewarp_order(w->height, w->epipole_v, order_v);
-    for (int n = 0; n < w->height; n++)
-        for (int m = 0; m <= w->width; m++) {
-            int j = order_v[n], i = w->order_u[m];
-            if (i > 0 && i < w->width)
-                try_wall(&f, i, j, false);
-            if (j > 0 && i < w->width)
-                try_wall(&f, i, j, true);
-        }
+    (void)sv_prewarp_order(w->height + 1, w->epipole_v + 0.5, order_v);
+    for (int n = 0; n <= w->height; n++)
+        for (int m = 0; m <= w->width; m++)
+            try_walls(&f, w->order_u[m], order_v[n]);
     if (f.holes > 0)
         close_cracks(&f);
     w->out->holes = f.holes;

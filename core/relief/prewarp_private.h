@@ -7,6 +7,9 @@
 
 #include "core/relief/prewarp.h"
 
+/* What lies between two rows, cell by cell. */
+enum sv_prewarp_cells { SV_PREWARP_EMPTY, SV_PREWARP_PLAIN, SV_PREWARP_TORN };
+
 struct sv_prewarp_work {
     const struct sv_relief *relief;
     const uint8_t (*color)[4];
@@ -21,6 +24,8 @@ struct sv_prewarp_work {
     int out_width, out_height; /* samples along the first and the second axis */
     size_t out_step_x, out_step_y;
     double u0, v0, scale_u, scale_v; /* sample position of u: (u - u0) scale_u; centres at + 0.5 */
+    uint8_t *cells;                  /* width + 1: enum sv_prewarp_cells (of one interval) */
+    uint8_t *apart;                  /* out_width: column that pass 2 draws cell by cell (of one interval) */
     struct sv_warped *out;
 };
 
@@ -38,27 +43,31 @@ SV_MUST_CHECK enum sv_status sv_prewarp_extent(const struct sv_relief *relief,
  * comes last. Returns that one. */
 int sv_prewarp_order(int n, double e, int32_t *order);
 
-/* How many samples of one row may lie over one another in a column; the farthest ones of more are lost. */
-enum { SV_PREWARP_LAYERS = 16 };
+/* A point of the surface as it is seen. */
+struct sv_prewarp_vertex {
+    double x, y; /* sample positions along the first and the second axis */
+    double tau;  /* > 0 */
+    double displ;
+    float color[3];
+};
+struct sv_prewarp_vertex sv_prewarp_place(const struct sv_prewarp_work *work, double u, double v,
+                                          double displ);
 
+/* What one row has in one column of samples after pass 1. */
 struct sv_prewarp_sample {
-    double v; /* vi, as a sample position along the second axis */
+    double y; /* vi, as a sample position along the second axis */
     float displ;
     float u;       /* where it stands along the first axis, texels */
     int32_t texel; /* along the first axis: the nearer one of the two that it lies between */
     uint8_t color[3];
-    uint8_t sides; /* bit 0: seen from the interval above the row, bit 1: from below it */
 };
 
 /* One row of the relief after pass 1. Arrays are views into the owner's block. */
 struct sv_prewarp_row {
     int j;
-    bool one_sided;      /* some samples count on one side only */
-    double *u, *v, *tau; /* of each texel's centre, sample positions */
-    float *displ;
-    int32_t *run[2]; /* first texel of the surface along the row, seen from above and below; -1: not drawn */
-    uint32_t *count; /* out_width: samples landed; the last SV_PREWARP_LAYERS are kept ... */
-    struct sv_prewarp_sample *samples; /* ... at [n % LAYERS * out_width + x], far to near */
+    struct sv_prewarp_vertex *texel;   /* width: of each texel's centre; tau 0: not drawn */
+    uint32_t *count;                   /* out_width: samples landed */
+    struct sv_prewarp_sample *samples; /* out_width: the last one, where count is not 0 */
 };
 
 static inline bool sv_prewarp_drawn(const struct sv_prewarp_work *w, size_t texel)
@@ -73,18 +82,40 @@ static inline bool sv_prewarp_same(const struct sv_prewarp_work *w, size_t s, si
            fabsf(w->relief->displ[s] - w->relief->displ[t]) <= w->relief->cut;
 }
 
-/* The torn pair t is one surface by way of the pair (s0, s1) beside it, when that exists. */
-static inline bool sv_prewarp_joined_by(const struct sv_prewarp_work *w, const size_t t[2], bool exists,
-                                        size_t s0, size_t s1)
-{
-    return exists && sv_prewarp_same(w, s0, s1) && sv_prewarp_same(w, s0, t[0]) &&
-           sv_prewarp_same(w, s1, t[1]);
-}
+/* Four texels about a corner, (i - 1, j - 1), (i, j - 1), (i - 1, j), (i, j), and the surfaces between their
+ * centres: corners are one surface when a chain of neighbours that are one surface joins them. */
+struct sv_prewarp_cell {
+    int i, j;
+    size_t texel[4];
+    int8_t part[4]; /* the first corner of its surface; -1: not drawn, or outside */
+    bool plain;     /* all four drawn, every two neighbours one surface */
+    float displ[4];
+};
+void sv_prewarp_cell_init(const struct sv_prewarp_work *work, int i, int j, struct sv_prewarp_cell *cell);
+
+/* A point of corner o's quarter of a torn cell: its centre, its border towards o ^ 1 and towards o ^ 2, and
+ * the cell's middle. Corners of other surfaces count as what lies next to them (both neighbours' mean, or the
+ * one that is there, else o itself): the last half texel is carried on. */
+enum sv_prewarp_spot { SV_PREWARP_CENTRE, SV_PREWARP_ALONG, SV_PREWARP_ACROSS, SV_PREWARP_MIDDLE };
+struct sv_prewarp_vertex sv_prewarp_quarter(const struct sv_prewarp_work *work,
+                                            const struct sv_prewarp_cell *cell, int o,
+                                            enum sv_prewarp_spot spot);
+
+/* A bilinear piece of surface: vertex k at (k & 1, k >> 1). texel[k]: nearest to the vertex. */
+struct sv_prewarp_patch {
+    struct sv_prewarp_vertex v[4];
+    size_t texel[4];
+};
+enum { SV_PREWARP_PATCHES = 12 };
+/* Far to near: at most four quarters and, where quarters of one texel do not meet, the steps between them on
+ * the cell's farther sides. A plain cell is one patch. */
+int sv_prewarp_cell_patches(const struct sv_prewarp_work *work, const struct sv_prewarp_cell *cell,
+                            struct sv_prewarp_patch patches[SV_PREWARP_PATCHES]);
 
 /* Pass 1 of row j. */
 void sv_prewarp_warp_row(const struct sv_prewarp_work *work, int j, struct sv_prewarp_row *row);
-/* Pass 2 of what lies between two neighbouring rows; above or below is NULL at the border. */
-void sv_prewarp_warp_columns(const struct sv_prewarp_work *work, const struct sv_prewarp_row *above,
+/* Pass 2 of interval j, between rows j - 1 and j; above or below is NULL at the border. */
+void sv_prewarp_warp_columns(const struct sv_prewarp_work *work, int j, const struct sv_prewarp_row *above,
                              const struct sv_prewarp_row *below);
 /* Finds, counts and fills holes. */
 SV_MUST_CHECK enum sv_status sv_prewarp_fill(const struct sv_prewarp_work *work, bool fill,

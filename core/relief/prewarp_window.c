@@ -38,8 +38,8 @@ static void grow(const struct sv_prewarp *prewarp, const double place[2], double
 }
 
 /* How far along the first axis (in texels) the surface that one sample sees moves from one row to the next:
- * what crosses the axis, over how much the axis is stretched (a compressed one moves much). Pass 2 draws a
- * straight line between the two, over all that lies between. */
+ * what crosses the axis, over how much the axis is stretched (a compressed one moves much). Within a texel
+ * pass 2 draws a straight line between the two; beyond, it goes cell by cell. */
 static double loss(const double here[2], const double along[2], const double across[2], int axis)
 {
     if (isnan(here[0]) || isnan(along[0]) || isnan(across[0]))

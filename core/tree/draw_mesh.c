@@ -15,15 +15,11 @@
 #include "core/gl/context.h"
 #include "core/gl/functions.h"
 #include "core/gl/program.h"
+#include "core/tree/draw_mesh_upload.h"
 
 enum { GROUP_FIRST = 8 };
 enum {
-    AT_POSITION,
-    AT_NORMAL,
-    AT_OCCLUSION,
-    AT_UV,
-    AT_OPEN,
-    AT_PLACE,
+    AT_PLACE = SV_MESH_AT_INSTANCE,
     AT_TURN,
     AT_ID,
     AT_LIGHT, /* and the next: a column of the light's grid each */
@@ -45,9 +41,7 @@ _Static_assert(SV_SHADE_COLUMNS == 2 && SV_SHADE_ROWS == 4 && sizeof(struct sv_t
 struct species_mesh {
     const struct sv_tree_mesh *mesh; /* NULL: not built */
     int owner;                       /* index of the species that owns the GL names */
-    GLuint array, vertices, indices;
-    GLuint textures[SV_TREE_MATERIALS_MAX]; /* 0: the white one */
-    size_t bytes;
+    struct sv_mesh_upload upload;    /* textures: 0: the white one */
 };
 
 struct sv_mesh_draw {
@@ -61,28 +55,15 @@ struct sv_mesh_draw {
     uint32_t room, light_room;
 };
 
-static GLuint make_texture(int width, int height, const void *rgba)
-{
-    GLuint name;
-    gl.GenTextures(1, &name);
-    gl.BindTexture(GL_TEXTURE_2D, name);
-    gl.TexStorage2D(GL_TEXTURE_2D, 1, GL_SRGB8_ALPHA8, width, height);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
-    return name;
-}
-
 static void attribute(GLuint at, GLint size, GLenum type, GLboolean normalized, size_t stride, size_t offset)
 {
     gl.EnableVertexAttribArray(at);
     gl.VertexAttribPointer(at, size, type, normalized, (GLsizei)stride, (const void *)offset);
 }
 
-static void set_instance_attributes(const struct sv_mesh_draw *draw)
+static void set_instance_attributes(const struct sv_mesh_draw *draw, GLuint array)
 {
+    gl.BindVertexArray(array);
     gl.BindBuffer(GL_ARRAY_BUFFER, draw->instances);
     attribute(AT_PLACE, 4, GL_FLOAT, GL_FALSE, sizeof(struct instance), offsetof(struct instance, place));
     attribute(AT_TURN, 2, GL_FLOAT, GL_FALSE, sizeof(struct instance), offsetof(struct instance, turn));
@@ -91,38 +72,7 @@ static void set_instance_attributes(const struct sv_mesh_draw *draw)
                             (const void *)offsetof(struct instance, id));
     for (GLuint at = AT_PLACE; at <= AT_LIGHT + 1; at++)
         gl.VertexAttribDivisor(at, 1);
-}
-
-static void upload(const struct sv_mesh_draw *draw, struct species_mesh *s)
-{
-    const struct sv_tree_mesh *mesh = s->mesh;
-    size_t vertex_bytes = mesh->vertex_count * sizeof *mesh->vertices;
-    size_t index_bytes = mesh->index_count * sizeof *mesh->indices;
-    gl.GenVertexArrays(1, &s->array);
-    gl.GenBuffers(1, &s->vertices);
-    gl.GenBuffers(1, &s->indices);
-    gl.BindVertexArray(s->array);
-    gl.BindBuffer(GL_ARRAY_BUFFER, s->vertices);
-    gl.BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)vertex_bytes, mesh->vertices, GL_STATIC_DRAW);
-    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
-    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)index_bytes, mesh->indices, GL_STATIC_DRAW);
-    size_t stride = sizeof(struct sv_tree_vertex);
-    attribute(AT_POSITION, 3, GL_FLOAT, GL_FALSE, stride, offsetof(struct sv_tree_vertex, position));
-    attribute(AT_NORMAL, 3, GL_SHORT, GL_TRUE, stride, offsetof(struct sv_tree_vertex, normal));
-    attribute(AT_OCCLUSION, 1, GL_UNSIGNED_SHORT, GL_TRUE, stride,
-              offsetof(struct sv_tree_vertex, occlusion));
-    attribute(AT_UV, 2, GL_FLOAT, GL_FALSE, stride, offsetof(struct sv_tree_vertex, uv));
-    attribute(AT_OPEN, 4, GL_BYTE, GL_TRUE, stride, offsetof(struct sv_tree_vertex, open));
-    set_instance_attributes(draw);
     gl.BindVertexArray(0);
-    s->bytes = vertex_bytes + index_bytes;
-    for (int m = 0; m < mesh->material_count; m++) {
-        const struct sv_image *albedo = &mesh->materials[m].albedo;
-        if (!albedo->data)
-            continue;
-        s->textures[m] = make_texture(albedo->width, albedo->height, albedo->data);
-        s->bytes += sv_image_bytes(albedo);
-    }
 }
 
 static int find_owner(const struct sv_mesh_draw *draw, int k)
@@ -164,7 +114,7 @@ enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_species *species, i
     enum sv_status status = make_programs(draw, PROGRAM_PLAIN, PROGRAM_MASKED, error);
     if (status)
         goto fail;
-    draw->white = make_texture(1, 1, white);
+    draw->white = sv_mesh_upload_texture(1, 1, white, false);
     gl.GenBuffers(1, &draw->instances);
     gl.GenBuffers(1, &draw->lights);
     for (int k = 0; k < species_count; k++) {
@@ -172,8 +122,10 @@ enum sv_status sv_mesh_draw_create(const struct sv_tree_draw_species *species, i
             continue;
         draw->species[k].mesh = species[k].mesh;
         draw->species[k].owner = find_owner(draw, k);
-        if (draw->species[k].owner == k)
-            upload(draw, &draw->species[k]);
+        if (draw->species[k].owner != k)
+            continue;
+        sv_mesh_upload_init(species[k].mesh, false, &draw->species[k].upload);
+        set_instance_attributes(draw, draw->species[k].upload.array);
     }
     status = sv_gl_check("uploading tree meshes", error);
     if (status)
@@ -189,13 +141,8 @@ void sv_mesh_draw_destroy(struct sv_mesh_draw *draw)
 {
     if (!draw)
         return;
-    for (int k = 0; k < draw->species_count; k++) {
-        struct species_mesh *s = &draw->species[k];
-        gl.DeleteVertexArrays(1, &s->array);
-        gl.DeleteBuffers(1, &s->vertices);
-        gl.DeleteBuffers(1, &s->indices);
-        gl.DeleteTextures(SV_TREE_MATERIALS_MAX, s->textures);
-    }
+    for (int k = 0; k < draw->species_count; k++)
+        sv_mesh_upload_finish(&draw->species[k].upload);
     gl.DeleteTextures(1, &draw->white);
     gl.DeleteBuffers(1, &draw->instances);
     gl.DeleteBuffers(1, &draw->lights);
@@ -210,7 +157,7 @@ void sv_mesh_draw_destroy(struct sv_mesh_draw *draw)
 size_t sv_mesh_draw_bytes(const struct sv_mesh_draw *draw, int species)
 {
     const struct species_mesh *s = &draw->species[species];
-    return s->mesh ? draw->species[s->owner].bytes : 0;
+    return s->mesh ? draw->species[s->owner].upload.bytes : 0;
 }
 
 static void put_instance(struct instance *i, const struct sv_tree *tree, struct sv_vec3 eye,
@@ -230,14 +177,14 @@ static void put_instance(struct instance *i, const struct sv_tree *tree, struct 
 static void draw_run(const struct sv_mesh_draw *draw, const struct species_mesh *s,
                      const struct sv_tree_light_axes *axes, uint32_t first, uint32_t count)
 {
-    gl.BindVertexArray(s->array);
+    gl.BindVertexArray(s->upload.array);
     for (int m = 0; m < s->mesh->material_count; m++) {
         const struct sv_tree_material *material = &s->mesh->materials[m];
         if (material->index_count == 0)
             continue;
-        bool masked = material->masked && s->textures[m];
+        bool masked = material->masked && s->upload.textures[m];
         gl.UseProgram(draw->programs[(axes ? PROGRAM_PLAIN_SHADE : PROGRAM_PLAIN) + masked]);
-        gl.BindTexture(GL_TEXTURE_2D, s->textures[m] ? s->textures[m] : draw->white);
+        gl.BindTexture(GL_TEXTURE_2D, s->upload.textures[m] ? s->upload.textures[m] : draw->white);
         gl.Uniform4fv(UNIFORM_BASE, 1, material->base_color);
         gl.Uniform2f(UNIFORM_LEAF, material->alpha_cutoff, material->is_leaf ? material->translucency : 0);
         if (axes) {
@@ -329,7 +276,7 @@ static void enable_light(struct sv_mesh_draw *draw)
         const struct species_mesh *s = &draw->species[k];
         if (!s->mesh || s->owner != k)
             continue;
-        gl.BindVertexArray(s->array);
+        gl.BindVertexArray(s->upload.array);
         gl.BindBuffer(GL_ARRAY_BUFFER, draw->lights);
         for (GLuint c = 0; c < SV_SHADE_COLUMNS; c++)
             attribute(AT_LIGHT + c, SV_SHADE_ROWS, GL_UNSIGNED_BYTE, GL_TRUE, sizeof(struct sv_tree_light),
@@ -340,9 +287,9 @@ static void enable_light(struct sv_mesh_draw *draw)
 static void disable_light(const struct sv_mesh_draw *draw)
 {
     for (int k = 0; k < draw->species_count; k++) {
-        if (!draw->species[k].array)
+        if (!draw->species[k].upload.array)
             continue;
-        gl.BindVertexArray(draw->species[k].array);
+        gl.BindVertexArray(draw->species[k].upload.array);
         for (GLuint c = 0; c < SV_SHADE_COLUMNS; c++)
             gl.DisableVertexAttribArray(AT_LIGHT + c);
     }

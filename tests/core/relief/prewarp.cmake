@@ -8,5 +8,5 @@ if(TARGET sv_relief_prewarp_draw AND TARGET sv_relief_warp AND TARGET sv_relief_
           LABELS relief)
 endif()
 if(TARGET sv_relief_prewarp AND TARGET sv_relief_warp AND TARGET sv_relief_shadow AND TARGET sv_relief_lighting)
-  sv_test(test_relief_extremes LIBS sv_relief_prewarp sv_relief_warp sv_relief_shadow sv_relief_lighting sv_base LABELS relief)
+  sv_test(test_relief_extremes SOURCES test_relief_extremes.c extremes_kit.c LIBS sv_relief_prewarp sv_relief_warp sv_relief_shadow sv_relief_lighting sv_base LABELS relief)
 endif()

@@ -417,6 +417,60 @@ static void extremes_are_answered(void **state)
     }
 }
 
+/* A body k times as large has a silhouette k times as large: up to the largest displ that there are, where
+ * depths, which are up to twice that, are held at 1e38 m; nothing covered is infinite. */
+static void vast_bodies_are_cast_like_small_ones(void **state)
+{
+    (void)state;
+    enum { SIDE = 24 };
+    static const double scales[] = {1, 1e9, 1e25, 6e36, 3e37};
+    static const double lights[][3] = {{0.3, 0.2, -1}, {-0.5, 0.4, 0.6}, {0, 0, -1}, {1, 0.3, 0.02}};
+    for (size_t n = 0; n < sizeof lights / sizeof *lights; n++) {
+        struct sv_silhouette small = {0};
+        for (size_t k = 0; k < sizeof scales / sizeof *scales; k++) {
+            struct sv_silhouette s;
+            struct sv_relief r;
+            double scale = scales[k];
+            long off = 0, covered = 0, held = 0;
+            assert_int_equal(sv_relief_alloc(SIDE, SIDE, &r, NULL), SV_OK);
+            r.frame =
+                (struct sv_relief_frame){{0, 0, 0}, {scale, 0, 0}, {0, scale, 0}, {0, 0, n & 1 ? -1 : 1}};
+            for (int t = 0; t < SIDE * SIDE; t++) {
+                r.displ[t] = (float)(scale * (11 * sin(0.4 * (t % SIDE)) * cos(0.3 * (t / SIDE))));
+                r.color[t][3] = 255;
+            }
+            sv_relief_measure(&r);
+            struct sv_vec3 l = sv_normalize(sv_vec3(lights[n][0], lights[n][1], lights[n][2]));
+            assert_int_equal(sv_cast_silhouette(&r, l, 0.25 * scale, &s, NULL), SV_OK);
+            if (k == 0)
+                small = s;
+            assert_true(s.width == small.width && s.height == small.height);
+            for (int t = 0; t < s.width * s.height; t++) {
+                bool there = s.coverage[t] == 255;
+                assert_true(there == isfinite(s.first[t]));
+                covered += there;
+                if (there != (small.coverage[t] == 255)) {
+                    off++;
+                    continue;
+                }
+                double want = fmin(scale * (double)small.first[t], 1e38);
+                held += there && want == 1e38;
+                /* a cell may reach from before to beyond: what is between its corners is a mean of both */
+                bool beyond = want + 5 * scale > 1e38;
+                off += there &&
+                       (beyond ? (double)s.first[t] > 1e38 : fabs((double)s.first[t] - want) > 1e-4 * scale);
+            }
+            printf("light %zu, scale %g: %ld pixels, %ld held, %ld otherwise\n", n, scale, covered, held,
+                   off);
+            assert_true(covered > 1000 && off * 500 <= covered);
+            sv_relief_finish(&r);
+            if (k > 0)
+                sv_cast_silhouette_finish(&s);
+        }
+        sv_cast_silhouette_finish(&small);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -424,6 +478,7 @@ int main(void)
         cmocka_unit_test(silhouettes_have_no_pin_holes),
         cmocka_unit_test(order_is_by_nearness_to_the_light),
         cmocka_unit_test(extremes_are_answered),
+        cmocka_unit_test(vast_bodies_are_cast_like_small_ones),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

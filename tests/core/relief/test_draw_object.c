@@ -359,6 +359,31 @@ static void shadow_on_another(void **state)
     sv_tree_mesh_finish(&mesh);
 }
 
+/* A small hut under the eaves of a tower of a hut, the sun straight above: in the dark in both forms. */
+static void shadow_from_straight_above(void **state)
+{
+    (void)state;
+    struct sv_tree_mesh mesh;
+    const struct sv_tree_mesh *const meshes[] = {&mesh};
+    object_hut(&mesh);
+    /* walls at 30 m from the middle, eaves at 35 m, 27 m above the ground */
+    const struct object_place places[] = {{0, 500128, 5200120, 0, 60, 128},
+                                          {0, 500128, 5200152.5, 0, 2.5, 128}};
+    struct stage s = make_stage(meshes, 1, places, 2, 0);
+    struct sv_view_request request = orbit(200, -20, 12);
+    request.target.y = 5200152.5;
+    request.target.agl = 1;
+    request.sun_elevation_rad = SV_PI / 2;
+    for (int form = OBJECT_POLYGON; form <= OBJECT_RELIEF; form++) {
+        struct agreement shaded = agree(&s, 1, request, (enum object_form)form, OBJECT_TRUTH, 4, "eaves");
+        printf("under eaves, form %d: %.1f %% of the picture, mean error %.2f of 255\n", form,
+               100 * shaded.either, shaded.mean_error);
+        assert_true(shaded.either > 0.02 && shaded.mean_error < 6);
+    }
+    end_stage(&s);
+    sv_tree_mesh_finish(&mesh);
+}
+
 /* Every model that is here, in all forms, near and far. */
 static void real_models(void **state)
 {
@@ -434,7 +459,8 @@ int main(void)
                                           cmocka_unit_test(shadow_on_the_ground)};
     /* These make renderers of their own: there is one GL context at a time. */
     const struct CMUnitTest others[] = {cmocka_unit_test(a_thousand), cmocka_unit_test(real_models),
-                                        cmocka_unit_test(shadow_on_another)};
+                                        cmocka_unit_test(shadow_on_another),
+                                        cmocka_unit_test(shadow_from_straight_above)};
     int failed = cmocka_run_group_tests(on_stage, set_up, tear_down);
     return failed + cmocka_run_group_tests(others, NULL, NULL);
 }

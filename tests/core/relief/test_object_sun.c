@@ -165,6 +165,56 @@ static void area_of_a_box(void **state)
     assert_true(worst < 0.01);
 }
 
+/* A level sheet of 12 x 12 squares, each two triangles, under a sun straight above: at headings like these,
+ * whole rows of texel centres lie on the triangles' edges. Every texel whose centre is on the sheet is
+ * covered; what is farther than half a texel from it is not. */
+static void no_texel_within_is_lit(void **state)
+{
+    (void)state;
+    enum { CELLS = 12, SIDE = CELLS + 1 };
+    static struct sv_tree_vertex vertices[SIDE * SIDE];
+    static uint32_t indices[CELLS * CELLS * 6];
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        vertices[k].position[0] = (float)(k % SIDE) / CELLS - 0.5f;
+        vertices[k].position[1] = (float)(k / SIDE) / CELLS - 0.5f;
+        vertices[k].position[2] = 1;
+    }
+    for (uint32_t k = 0; k < CELLS * CELLS; k++) {
+        uint32_t at = k / CELLS * SIDE + k % CELLS, corner_of[6] = {0, 1, SIDE, 1, SIDE + 1, SIDE};
+        for (int c = 0; c < 6; c++)
+            indices[6 * k + (uint32_t)c] = at + corner_of[c];
+    }
+    struct sv_tree_mesh mesh = {.vertices = vertices,
+                                .vertex_count = SIDE * SIDE,
+                                .indices = indices,
+                                .index_count = CELLS * CELLS * 6,
+                                .material_count = 1};
+    mesh.materials[0].index_count = mesh.index_count;
+    long within = 0, lit = 0, beyond = 0;
+    for (int k = 0; k < 24 * 8; k++) {
+        double heading = sv_radians(15.0 * (k % 24));
+        struct sv_object_sun sun;
+        struct sv_vec3 to_sun = k & 1 ? sv_vec3(0, 0, 1) : sv_direction(heading, SV_PI / 2);
+        assert_int_equal(
+            sv_object_sun_create(&mesh, heading, sv_scale(to_sun, -1), 64 + 53 * (k / 24), &sun, NULL),
+            SV_OK);
+        const struct sv_silhouette *s = &sun.silhouette;
+        for (int i = 0; i < s->width * s->height; i++) {
+            struct sv_vec3 p = sv_madd(sv_madd(s->corner, s->right, (i % s->width + 0.5) * sun.texel),
+                                       s->down, (i / s->width + 0.5) * sun.texel);
+            p = sv_rotate_clockwise(p, -heading);
+            double out = fmax(fabs(p.x), fabs(p.y)) - 0.5;
+            within += out < 0;
+            lit += out < 0 && !s->coverage[i];
+            beyond += out > 0.5 * sun.texel && s->coverage[i];
+        }
+        sv_object_sun_finish(&sun);
+    }
+    printf("sun at 90 degrees: %ld texels within the outline, %ld lit; %ld dark beyond it\n", within, lit,
+           beyond);
+    assert_true(within > 1000000 && lit == 0 && beyond == 0);
+}
+
 static void refusals(void **state)
 {
     (void)state;
@@ -188,6 +238,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(surface_against_rays),
                                        cmocka_unit_test(space_against_rays), cmocka_unit_test(area_of_a_box),
-                                       cmocka_unit_test(refusals)};
+                                       cmocka_unit_test(no_texel_within_is_lit), cmocka_unit_test(refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -124,26 +124,30 @@ void warp_picture_direct(const struct sv_relief *relief, const struct sv_camera 
     sv_warp_buffer_finish(&buffer);
 }
 
-/* What a linear filter finds at (u, v): the mean of the samples that are there, if they weigh at least half.
- */
-static bool sample(const struct sv_warped *w, double u, double v, uint8_t rgba[4])
+/* What relief_plane.frag finds at (u, v): where at least half of the bilinear weight is on samples that hold
+ * something, the nearest of them says which surface is seen, and those within `cut` of it are mixed. */
+static bool sample(const struct sv_warped *w, float cut, double u, double v, uint8_t rgba[4])
 {
     double x = (u - w->u0) / (w->u1 - w->u0) * w->width - 0.5,
            y = (v - w->v0) / (w->v1 - w->v0) * w->height - 0.5;
-    double i = floor(x), j = floor(y), sum[4] = {0};
-    if (!(i >= -1 && j >= -1 && i < w->width && j < w->height))
+    double i = floor(x), j = floor(y), weight[4], there = 0, sum[4] = {0};
+    size_t at[4];
+    int own = 0;
+    if (!(u >= w->u0 && v >= w->v0 && u < w->u1 && v < w->v1)) /* the window is all that is drawn */
         return false;
     for (int k = 0; k < 4; k++) {
-        int a = (int)i + (k & 1), b = (int)j + (k >> 1);
-        double weight = (k & 1 ? x - i : 1 - x + i) * (k >> 1 ? y - j : 1 - y + j);
-        if (a < 0 || b < 0 || a >= w->width || b >= w->height)
-            continue;
-        const uint8_t *c = w->color[(size_t)b * (size_t)w->width + (size_t)a];
-        for (int e = 0; c[3] && e < 4; e++)
-            sum[e] += weight * (e < 3 ? c[e] : 1);
+        int a = (int)sv_clamp(i + (k & 1), 0, w->width - 1),
+            b = (int)sv_clamp(j + (k >> 1), 0, w->height - 1);
+        at[k] = (size_t)b * (size_t)w->width + (size_t)a;
+        weight[k] = w->color[at[k]][3] ? (k & 1 ? x - i : 1 - x + i) * (k >> 1 ? y - j : 1 - y + j) : 0;
+        own = weight[k] > weight[own] ? k : own;
+        there += weight[k];
     }
-    if (sum[3] < 0.5)
+    if (there < 0.5)
         return false;
+    for (int k = 0; k < 4; k++)
+        for (int e = 0; e < 4 && fabsf(w->displ[at[k]] - w->displ[at[own]]) <= cut; e++)
+            sum[e] += weight[k] * (e < 3 ? w->color[at[k]][e] : 1);
     for (int e = 0; e < 3; e++)
         rgba[e] = (uint8_t)lrint(sum[e] / sum[3]);
     rgba[3] = 255;
@@ -188,7 +192,8 @@ void warp_picture_prewarp(const struct sv_relief *relief, const struct sv_camera
             if (!parallel && !(t > 0))
                 continue;
             sv_relief_locate(f, sv_madd(sv_add(start, f->origin), direction, t), &u, &v, &displ);
-            (void)sample(&warped, u, v, picture->rgba[(size_t)j * (size_t)camera->width + (size_t)i]);
+            (void)sample(&warped, relief->cut, u, v,
+                         picture->rgba[(size_t)j * (size_t)camera->width + (size_t)i]);
         }
     picture->shown = count_shown((const uint8_t(*)[4])warped.color, warped.width, warped.height);
     picture->holes = warped.holes;

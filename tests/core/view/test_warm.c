@@ -14,7 +14,7 @@ static struct sv_picture draw(struct sv_renderer *renderer, const struct sv_scen
 {
     struct sv_view_request request = kit_request();
     struct sv_resolved_view view;
-    struct sv_picture picture;
+    struct sv_picture picture = {0};
     struct sv_error error;
     const struct sv_heightfield *f = &scene->terrain.field;
     request.eye = (struct sv_place){.form = SV_PLACE_XY,

@@ -1,0 +1,44 @@
+/* forest_kit.h - the forest that the papers' forest tables are measured on: 1 km x 1 km, the five demo species
+ * at random, fixed seeds, eyes of two kinds; and what an experiment needs around it: scenes, drawing, truths
+ * that are kept on disk, one row of errors. Exits with a message on any failure. */
+#ifndef SV_TESTS_FOREST_KIT_H
+#define SV_TESTS_FOREST_KIT_H
+
+#include "core/base/store.h"
+#include "core/view/compare.h"
+#include "core/view/renderer.h"
+
+enum forest_eye { FOREST_OVERVIEW, FOREST_WALK };
+enum { FOREST_SIDE_M = 1000, FOREST_SPECIES = 5 };
+
+struct forest {
+    struct sv_store *store; /* folder SILVISTA_CACHE_DIR, or none */
+    struct sv_scene *scene;
+    struct sv_renderer *renderer;
+};
+
+/* count trees; truth: the ray-cast structures are built, too. */
+void forest_open(uint32_t count, bool truth, struct forest *forest);
+void forest_close(struct forest *forest);
+
+/* Eye number k of a kind, as a request of the wire contract's defaults (color, 512 x 512 unless changed):
+ * overview 30 to 60 m above the ground, looking over the forest (paper 2, figure 6); walk 1.7 m above it,
+ * among the trees, never inside of a stem. Same eyes for every count. */
+struct sv_view_request forest_request(const struct forest *forest, enum forest_eye kind, int k);
+
+/* Draws into fresh images; encoding left out; ms and cpu_ms (may be NULL): by the
+ * wall's clock and by the processor's, which others on the machine disturb less. */
+void forest_draw(const struct forest *forest, const struct sv_view_request *request, struct sv_picture *picture,
+                 struct sv_draw_stats *stats, double *ms, double *cpu_ms);
+/* The colour of 64 samples a pixel, ray cast; kept in the store by scene, camera and sun. */
+void forest_truth(const struct forest *forest, const struct sv_view_request *request, struct sv_image *color);
+/* Errors of a colour picture against a truth. */
+struct sv_compare_result forest_compare(const struct sv_image *picture, const struct sv_image *truth);
+/* Writes a colour picture as a PNG. */
+void forest_save(const struct sv_image *image, const char *path);
+
+double forest_now_ms(void);
+/* Sorts; the middle one (of 0: NaN). */
+double forest_median(double *values, int count);
+
+#endif
