@@ -4,11 +4,13 @@
  * A cell that lacks one of its four texels is drawn piece by piece, some thirty times as dear as a full one.
  * Where a face's kept texels end because another face goes on with the surface, what such a cell would add is
  * drawn there: the `rims` of an object (object_rims.c) tell which cells are needed. */
-#include "core/relief/object_splat_kernel.h"
+#include "core/relief/object_splat.h"
 
 #include <emmintrin.h>
 #include <math.h>
 #include <string.h>
+
+#include "core/relief/object_splat_kernel.h"
 
 /* Cells larger than this are rare, and drawn row by row. */
 #define LARGE_PX 64.0f
@@ -320,6 +322,12 @@ static void touch(struct sv_warp_buffer *buffer, float x0, float y0, float x1, f
                       (int)min2(y1 + 2, h));
 }
 
+/* Depth that a flat surface would have beyond what there is. */
+static float held_depth(float d)
+{
+    return min2(max2(d, 0), 1);
+}
+
 /* Draws quarter k by its edges, or lets it wait. One that is turned away or seen edge-on is not drawn: bodies
  * are closed. */
 static void take_quarter(struct work *work, int k, const float here[3], const float e1[3], const float e2[3],
@@ -332,7 +340,8 @@ static void take_quarter(struct work *work, int k, const float here[3], const fl
     const struct corners q = {
         .x = {here[0], here[0] + e1[0], here[0] + e2[0], here[0] + e1[0] + e2[0]},
         .y = {here[1], here[1] + e1[1], here[1] + e2[1], here[1] + e1[1] + e2[1]},
-        .d = {here[2], here[2] + e1[2], here[2] + e2[2], here[2] + e1[2] + e2[2]},
+        .d = {here[2], held_depth(here[2] + e1[2]), held_depth(here[2] + e2[2]),
+              held_depth(here[2] + e1[2] + e2[2])},
         .texel = texel,
     };
     struct sv_relief_waiting *w = &work->quarters;
