@@ -428,3 +428,76 @@ void sv_relief_draw_quarters_avx2(struct sv_warp_job *job, const struct sv_relie
     }
     sv_warp_list_put(&list, job, w->texel);
 }
+
+/* Pixels p .. p + 7 that `chosen` names, as sv_warp_put has it. */
+static inline void put8(struct sv_warp_job *job, struct sv_warp_pixels to, size_t p, __m256i chosen, __m256 d,
+                        __m256i texel, __m256i place)
+{
+    __m256i now = _mm256_castps_si256(d), before = _mm256_loadu_si256((const __m256i *)(to.depth + p));
+    __m256i held = _mm256_loadu_si256((const __m256i *)(to.texel + p));
+    __m128i places = _mm_loadu_si128((const __m128i *)(to.place + p));
+    __m256i same = _mm256_cmpeq_epi32(texel, held);
+    __m256i smaller = _mm256_cmpeq_epi32(_mm256_min_epu32(texel, held), texel); /* or the same */
+    __m256i larger = _mm256_cmpgt_epi32(place, _mm256_cvtepu16_epi32(places));
+    __m256i tie = _mm256_and_si256(smaller, _mm256_or_si256(larger, _mm256_xor_si256(same, smaller)));
+    tie = _mm256_and_si256(tie, _mm256_cmpeq_epi32(now, before));
+    __m256i wins = _mm256_and_si256(chosen, _mm256_or_si256(_mm256_cmpgt_epi32(now, before), tie));
+    __m256i empty = _mm256_and_si256(wins, _mm256_cmpeq_epi32(held, _mm256_set1_epi32(-1)));
+    job->pixels += (uint32_t)__builtin_popcount(bits_of(_mm256_castsi256_ps(empty)));
+    _mm256_storeu_si256((__m256i *)(to.depth + p), _mm256_blendv_epi8(before, now, wins));
+    _mm256_storeu_si256((__m256i *)(to.texel + p), _mm256_blendv_epi8(held, texel, wins));
+    __m128i words = _mm_packus_epi32(_mm256_castsi256_si128(place), _mm256_extracti128_si256(place, 1));
+    __m128i which = _mm_packs_epi32(_mm256_castsi256_si128(wins), _mm256_extracti128_si256(wins, 1));
+    _mm_storeu_si128((__m128i *)(to.place + p), _mm_blendv_epi8(places, words, which));
+}
+
+/* The same where eight pixels would end beyond the buffer. */
+static void put_last(struct sv_warp_job *job, struct sv_warp_pixels to, size_t p, __m256i chosen, __m256 d,
+                     uint32_t texel, __m256i place)
+{
+    float depth[LANES];
+    uint32_t places[LANES];
+    _mm256_storeu_ps(depth, d);
+    _mm256_storeu_si256((__m256i *)places, place);
+    for (unsigned left = bits_of(_mm256_castsi256_ps(chosen)); left; left &= left - 1) {
+        unsigned k = (unsigned)__builtin_ctz(left);
+        job->pixels += sv_warp_put(to, p + k, depth[k], texel, places[k]);
+    }
+}
+
+void sv_relief_quad_pixels_avx2(struct sv_warp_job *job, const struct sv_relief_quad *q)
+{
+    const __m256 sx = splat(q->sx), rx = splat(q->rx), last = splat(q->last), s1 = splat(q->s1);
+    const __m256 a_r = splat(q->a_r), a_s = splat(q->a_s), e_s = splat(q->e_s), e_r = splat(q->e_r);
+    const __m256 r1 = splat(q->r1), lane = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7);
+    const __m256 dx0 = splat(((float)q->i0 + 0.5f) - q->x0),
+                 texel = _mm256_castsi256_ps(_mm256_set1_epi32((int)q->texel));
+    const size_t size = (size_t)job->buffer->width * (size_t)job->buffer->height;
+    const struct sv_warp_pixels to = sv_warp_pixels_of(job->buffer);
+    for (int ky = 0; ky < q->ny; ky++) {
+        float dy = (((float)q->j0 + 0.5f) - q->y0) + (float)ky;
+        const __m256 sy = splat(dy * q->sy), ry = splat(dy * q->ry);
+        size_t p = (size_t)(q->j0 + ky) * (size_t)job->buffer->width + (size_t)q->i0;
+        for (int kx = 0; kx < q->nx; kx += LANES, p += LANES) {
+            __m256 at = _mm256_add_ps(splat((float)kx), lane), dx = _mm256_add_ps(dx0, at);
+            __m256 s = _mm256_sub_ps(_mm256_mul_ps(dx, sx), sy), r = _mm256_sub_ps(ry, _mm256_mul_ps(dx, rx));
+            __m256 a = cross(a_r, r, a_s, _mm256_sub_ps(s, s1)), e = cross(e_s, s, e_r, _mm256_sub_ps(r, r1));
+            __m256 least = _mm256_min_ps(_mm256_min_ps(s, r), _mm256_min_ps(a, e));
+            __m256 chosen =
+                _mm256_and_ps(in_order(splat(-SV_WARP_EDGE), least), over(splat((float)q->nx), at));
+            if (!bits_of(chosen))
+                continue;
+            s = _mm256_min_ps(s, last), r = _mm256_min_ps(r, last);
+            __m256 d = _mm256_add_ps(_mm256_add_ps(splat(q->d), _mm256_mul_ps(s, splat(q->ds))),
+                                     _mm256_mul_ps(r, splat(q->dr)));
+            d = _mm256_min_ps(_mm256_max_ps(d, splat(q->d_min)), splat(q->d_max));
+            __m256i place = place_of(_mm256_add_ps(splat(q->place_s), _mm256_mul_ps(s, splat(q->scale_s))),
+                                     _mm256_add_ps(splat(q->place_r), _mm256_mul_ps(r, splat(q->scale_r))));
+            place = _mm256_or_si256(place, _mm256_set1_epi32((int)q->full));
+            if (p + LANES <= size)
+                put8(job, to, p, _mm256_castps_si256(chosen), d, _mm256_castps_si256(texel), place);
+            else
+                put_last(job, to, p, _mm256_castps_si256(chosen), d, q->texel, place);
+        }
+    }
+}
