@@ -26,14 +26,24 @@ struct sv_relief_look {
     const uint8_t (*color[SHEETS])[4]; /* what the last call of _light made: seen or albedo */
     struct sv_relief_shade *shade;
     struct sv_warp_source source[SHEETS];
-    struct sv_relief_span *spans;                             /* room */
-    struct sv_relief_columns *columns[SHEETS], *column_block; /* of the sheets' rows: what a camera sees */
+    struct sv_relief_span *spans;       /* room */
+    uint8_t *used[SHEETS], *used_block; /* groups of texels that the last warp shows */
+    /* Light that waits for a warp. */
+    bool in_warp;
+    struct sv_relief_place place;
+    struct sv_light light;
+    struct sv_relief_look_options options;
     void *block;
 };
 
 static size_t texels_of(const struct sv_relief *face)
 {
     return (size_t)face->width * (size_t)face->height;
+}
+
+static size_t groups_of(const struct sv_relief *face)
+{
+    return ((size_t)face->width + 7) / 8 * (size_t)face->height;
 }
 
 static void borrow_faces(struct sv_relief_look *look)
@@ -51,6 +61,7 @@ static void borrow_faces(struct sv_relief_look *look)
         for (size_t i = 0; k < SV_RELIEF_FACES && i < texels; i++)
             if (!look->object->keep[k][i])
                 look->face[k].color[i][3] = 0;
+        memcpy(look->seen[k], look->face[k].color, 4 * texels); /* alpha is the same from now on */
         look->color[k] = (const uint8_t(*)[4])look->face[k].color;
     }
     for (int k = 0; k < SHEETS; k++) {
@@ -62,28 +73,27 @@ static void borrow_faces(struct sv_relief_look *look)
 enum sv_status sv_relief_look_create(const struct sv_relief_object *object, struct sv_relief_look **look,
                                      struct sv_error *error)
 {
-    size_t texels = 0, rows = 0;
+    size_t texels = 0, groups = 0;
     for (int k = 0; k < SHEETS; k++) {
         texels += texels_of(sv_relief_sheet(object, k));
-        rows += (size_t)sv_relief_sheet(object, k)->height;
+        groups += groups_of(sv_relief_sheet(object, k));
     }
     struct sv_relief_look *made = calloc(1, sizeof *made);
     struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
-    struct sv_relief_columns *columns = malloc(rows * sizeof *columns);
+    uint8_t *used = malloc(groups);
     void *block = calloc(texels, 9);
-    if (!made || !block || !spans || !columns) {
+    if (!made || !block || !spans || !used) {
         free(made);
         free(block);
-        free(columns);
+        free(used);
         free(spans);
         return sv_fail(error, SV_ENOMEM, "look", "no memory for %zu texels", texels);
     }
-    *made =
-        (struct sv_relief_look){.object = object, .spans = spans, .column_block = columns, .block = block};
+    *made = (struct sv_relief_look){.object = object, .spans = spans, .used_block = used, .block = block};
     borrow_faces(made);
     for (int k = 0; k < SHEETS; k++) {
-        made->columns[k] = columns;
-        columns += made->face[k].height;
+        made->used[k] = used;
+        used += groups_of(&made->face[k]);
     }
     enum sv_status status = sv_relief_shade_create(object, &made->shade, error);
     if (status == SV_OK)
@@ -99,7 +109,7 @@ void sv_relief_look_destroy(struct sv_relief_look *look)
         return;
     sv_relief_shade_destroy(look->shade);
     free(look->spans);
-    free(look->column_block);
+    free(look->used_block);
     free(look->block);
     free(look);
 }
@@ -161,26 +171,49 @@ static struct sv_vec3 eye_of(const struct sv_relief_place *place, const struct s
                : sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
 }
 
-/* What the warp for a camera draws of sheet k: cells that touch a span, so a texel more on each side. Columns
- * in whole groups of eight. */
-static void see_columns(struct sv_relief_look *look, int k, const struct sv_relief_place *place,
-                        const struct sv_camera *camera)
+/* Share of sunlight of sheet k where it is below 1, in look->lit; false: it is 1 everywhere. */
+static bool take_sun(struct sv_relief_look *look, int k, bool shadow)
 {
     const struct sv_relief *face = &look->face[k];
-    struct sv_relief_columns *columns = look->columns[k];
-    int count = sv_relief_object_spans(look->object, k, eye_of(place, camera),
-                                       camera->projection == SV_PROJECTION_PERSPECTIVE, look->spans);
-    memset(columns, 0, (size_t)face->height * sizeof *columns);
-    for (int s = 0; s < count; s++) {
-        const struct sv_relief_span *span = &look->spans[s];
-        int first = (span->column0 > 0 ? span->column0 - 1 : 0) & ~7, last = (span->column1 + 8) & ~7;
-        last = last < face->width ? last : face->width;
-        for (int j = span->row0 > 0 ? span->row0 - 1 : 0; j <= span->row1 && j < face->height; j++) {
-            bool none = columns[j].last == 0;
-            columns[j].first = none || first < columns[j].first ? first : columns[j].first;
-            columns[j].last = last > columns[j].last ? last : columns[j].last;
-        }
+    double shade_height = (look->options.shade_height_m - look->place.place.z) / look->place.height_m;
+    double fade = fade_height(look->object);
+    bool shaded = shade_height + fade > look->object->box_min.z, dimmed = look->options.taken > 0;
+    if ((shaded || dimmed) && !shadow)
+        memset(look->lit[k], 255, texels_of(face));
+    if (shaded)
+        shade_below(face, shade_height, fade, look->lit[k]);
+    if (dimmed)
+        dim(look->lit[k], texels_of(face), look->options.taken);
+    return shadow || shaded || dimmed;
+}
+
+/* groups: of each sheet, what is needed (NULL: nothing); NULL: all of them. */
+static enum sv_status light_sheets(struct sv_relief_look *look, unsigned faces, const uint8_t *const *groups,
+                                   struct sv_error *error)
+{
+    const struct sv_relief_look_options *options = &look->options;
+    struct sv_light turned = look->light;
+    enum sv_status status = SV_OK;
+    bool shadow = options->shadow != SV_RELIEF_SHADOW_NONE;
+    turned.to_sun = sv_rotate_clockwise(look->light.to_sun, -look->place.heading_rad);
+    if (shadow)
+        status = sv_relief_shade_light(look->shade, look->face, turned.to_sun, options->shadow, faces, groups,
+                                       look->lit, error);
+    for (int k = 0; status == SV_OK && k < SHEETS; k++) {
+        const struct sv_relief *face = &look->face[k];
+        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count || (groups && !groups[k]))
+            continue;
+        struct sv_relief_light how = {.light = &turned,
+                                      .frame = face->frame,
+                                      .lit = take_sun(look, k, shadow) ? look->lit[k] : NULL,
+                                      .has_viewer = options->has_viewer,
+                                      .eye = sv_relief_place_to_model(&look->place, options->eye),
+                                      .specular = options->specular,
+                                      .shininess = options->shininess,
+                                      .groups = groups ? groups[k] : NULL};
+        sv_relief_light(face, &how, look->seen[k]);
     }
+    return status;
 }
 
 enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv_relief_place *place,
@@ -191,50 +224,16 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
     enum sv_status status = check(place, options, error);
     if (status != SV_OK)
         return status;
-    struct sv_light turned = *light;
-    turned.to_sun = sv_rotate_clockwise(light->to_sun, -place->heading_rad);
-    bool shadow = options->lit && options->shadow != SV_RELIEF_SHADOW_NONE;
-    const struct sv_relief_columns *columns[SHEETS] = {NULL};
-    for (int k = 0; k < SHEETS && options->lit && options->camera; k++) {
-        columns[k] = look->columns[k];
+    look->place = *place;
+    look->light = *light;
+    look->options = *options;
+    look->in_warp = options->lit && options->in_warp;
+    if (options->lit && !options->in_warp)
+        status = light_sheets(look, faces, NULL, error);
+    for (int k = 0; status == SV_OK && k < SHEETS; k++)
         if (faces >> k % SV_RELIEF_FACES & 1)
-            see_columns(look, k, place, options->camera);
-    }
-    if (shadow)
-        status = sv_relief_shade_light(look->shade, look->face, turned.to_sun, options->shadow, faces,
-                                       options->camera ? columns : NULL, look->lit, error);
-    if (status != SV_OK)
-        return status;
-    double shade_height = (options->shade_height_m - place->place.z) / place->height_m;
-    double fade = fade_height(look->object);
-    bool shaded = options->lit && shade_height + fade > look->object->box_min.z;
-    bool dimmed = options->lit && options->taken > 0;
-    for (int k = 0; k < SHEETS; k++) {
-        const struct sv_relief *face = &look->face[k];
-        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count)
-            continue;
-        if (!options->lit) {
-            look->color[k] = (const uint8_t(*)[4])face->color;
-            continue;
-        }
-        if ((shaded || dimmed) && !shadow)
-            memset(look->lit[k], 255, texels_of(face));
-        if (shaded)
-            shade_below(face, shade_height, fade, look->lit[k]);
-        if (dimmed)
-            dim(look->lit[k], texels_of(face), options->taken);
-        struct sv_relief_light how = {.light = &turned,
-                                      .frame = face->frame,
-                                      .lit = shadow || shaded || dimmed ? look->lit[k] : NULL,
-                                      .has_viewer = options->has_viewer,
-                                      .eye = sv_relief_place_to_model(place, options->eye),
-                                      .specular = options->specular,
-                                      .shininess = options->shininess,
-                                      .columns = columns[k]};
-        sv_relief_light(face, &how, look->seen[k]);
-        look->color[k] = (const uint8_t(*)[4])look->seen[k];
-    }
-    return SV_OK;
+            look->color[k] = (const uint8_t(*)[4])(options->lit ? look->seen[k] : look->face[k].color);
+    return status;
 }
 
 static struct sv_relief_frame world_frame(const struct sv_relief_frame *m,
@@ -273,6 +272,7 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
     if (status != SV_OK)
         return status;
     unsigned count = 0;
+    const uint8_t *groups[SHEETS] = {NULL};
     struct sv_vec3 eye = eye_of(place, camera);
     sv_warp_clear(buffer);
     bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
@@ -286,8 +286,16 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
             continue;
         make_source(look, k, place, camera, shift_x_px, shift_y_px, source);
         struct sv_relief_facing facing = sv_relief_object_facing(look->object, k, eye, is_place);
-        sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned, buffer, stats);
+        groups[k] = look->used[k];
+        if (look->in_warp)
+            memset(look->used[k], 0, groups_of(&look->face[k]));
+        sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned,
+                        look->in_warp ? look->used[k] : NULL, buffer, stats);
     }
+    if (look->in_warp)
+        status = light_sheets(look, faces, groups, error);
+    if (status != SV_OK)
+        return status;
     stats->holes += sv_relief_close_gaps(buffer);
     *sources = look->source;
     *source_count = count;

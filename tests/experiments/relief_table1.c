@@ -96,7 +96,7 @@ static void frame_direct(struct experiment *x, int form, int frame, uint8_t (*rg
     const struct sv_warp_source *sources;
     unsigned count;
     how.eye = x->camera.eye;
-    how.camera = &x->camera; /* nothing is kept for another view */
+    how.in_warp = true; /* nothing is kept for another view */
     light_of(frame, &light);
     const struct sv_warp_buffer *last = &x->buffer; /* as of the last frame: nothing else was written */
     for (int j = last->y0; j < last->y1 && last->x0 < last->x1; j++)
