@@ -5,7 +5,8 @@
  * space: light, eye and height are brought there once, which spares six frames and any large number.
  *
  * What is warped is the kept texels only (sv_relief_object_choose): the look's own copy of the colours has
- * alpha 0 every */
+ * alpha 0 everywhere else. Light in the warp (options.in_warp): splat, which notes the groups of texels that
+ * it shows -> light of those -> fill. */
 #include "core/relief/object.h"
 
 #include <stdlib.h>
@@ -255,7 +256,7 @@ static void make_source(const struct sv_relief_look *look, int k, const struct s
     *source = (struct sv_warp_source){.width = face->width,
                                       .height = face->height,
                                       .t = face->displ,
-                                      .color = look->color[k],
+                                      .color = (const uint8_t(*)[4])face->color,
                                       .cut = face->cut};
     sv_warp_map_from_camera(&frame, camera, shift_x_px, shift_y_px, &source->map);
     for (int row = 0; row < 4; row++) /* t is in model space, where the object is 1 high */
@@ -273,6 +274,7 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
         return status;
     unsigned count = 0;
     const uint8_t *groups[SHEETS] = {NULL};
+    int sheet[SHEETS];
     struct sv_vec3 eye = eye_of(place, camera);
     sv_warp_clear(buffer);
     bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
@@ -287,6 +289,7 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
         make_source(look, k, place, camera, shift_x_px, shift_y_px, source);
         struct sv_relief_facing facing = sv_relief_object_facing(look->object, k, eye, is_place);
         groups[k] = look->used[k];
+        sheet[count] = k;
         if (look->in_warp)
             memset(look->used[k], 0, groups_of(&look->face[k]));
         sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned,
@@ -296,6 +299,9 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
         status = light_sheets(look, faces, groups, error);
     if (status != SV_OK)
         return status;
+    for (unsigned i = 0; i < count;
+         i++) /* the splat asks for alpha alone, which is the same in all of them */
+        look->source[i].color = look->color[sheet[i]];
     stats->holes += sv_relief_close_gaps(buffer);
     *sources = look->source;
     *source_count = count;
