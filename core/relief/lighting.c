@@ -133,17 +133,20 @@ void sv_relief_light(const struct sv_relief *relief, const struct sv_relief_ligh
     bool wide = sv_simd_level() >= SV_SIMD_AVX2;
     prepare(options, &light);
     sv_color_init();
+    const size_t stride = ((size_t)relief->width + 7) / 8;
     for (int j = 0; j < relief->height; j++) {
         size_t row = (size_t)j * (size_t)relief->width;
+        const uint8_t *groups = options->groups ? options->groups + (size_t)j * stride : NULL;
         struct sv_relief_light_span span = {.color = (const uint8_t(*)[4])relief->color + row,
                                             .normal = (const int16_t(*)[4])relief->normal + row,
                                             .displ = relief->displ + row,
                                             .lit = options->lit ? options->lit + row : NULL,
                                             .rgba = rgba + row,
-                                            .row = j,
-                                            .last = relief->width};
-        if (wide)
-            span.first = sv_relief_light_span_avx2(&light, &span);
-        sv_relief_light_span_scalar(&light, &span);
+                                            .row = j};
+        while (sv_relief_next_run(groups, relief->width, &span.first, &span.last)) {
+            if (wide)
+                span.first = sv_relief_light_span_avx2(&light, &span);
+            sv_relief_light_span_scalar(&light, &span);
+        }
     }
 }

@@ -16,6 +16,23 @@
 /* Fills normal[] of all solid texels from displ, eq. (5), (6); occlusion is left as it is. */
 void sv_relief_normals(struct sv_relief *relief);
 
+/* Which texels of a relief are needed: a byte for each group of eight of a row, (width + 7) / 8 a row, 0 for
+ * a group that is not; the rest may be left alone. Goes to the next run of a row from *last on (0 at first);
+ * a row of eight texels or more has whole groups only, the last one then begins earlier. groups NULL: all. */
+static inline bool sv_relief_next_run(const uint8_t *groups, int width, int *first, int *last)
+{
+    int k = (*last + 7) / 8, whole = width / 8;
+    while (groups && 8 * k < width && !groups[k])
+        k++;
+    if (8 * k >= width)
+        return false;
+    *first = k < whole ? 8 * k : whole > 0 ? width - 8 : 0;
+    while (k < whole && (!groups || groups[k]))
+        k++;
+    *last = *first + 8 <= 8 * k ? 8 * k : width;
+    return true;
+}
+
 struct sv_relief_light {
     const struct sv_light *light; /* in the space that `frame` turns to: world */
     struct sv_relief_frame frame; /* of the relief in the world: a, b, f as they stand there */
@@ -24,6 +41,7 @@ struct sv_relief_light {
     struct sv_vec3 eye;           /* world */
     float specular;               /* 0: none; share of sunlight that the surface mirrors */
     float shininess;              /* Blinn's exponent, >= 1 */
+    const uint8_t *groups;        /* what is needed (sv_relief_next_run); NULL: all */
 };
 
 /* rgba: width * height, the seen colour in sRGB code, alpha as in color[]: light.h's surface rule (exposure

@@ -114,6 +114,9 @@ struct sv_relief_look_options {
     struct sv_vec3 eye;    /* world */
     double taken;          /* share of sunlight that the surroundings keep away from all of it, 0..1 */
     double shade_height_m; /* world z below which the surroundings keep the sun away; -INFINITY: nowhere */
+    /* Light in each warp what that shows, and nothing else: for light that moves from view to view. Else all
+     * is lit at once, and serves many views. */
+    bool in_warp;
 };
 SV_MUST_CHECK enum sv_status sv_relief_look_create(const struct sv_relief_object *object,
                                                    struct sv_relief_look **look, struct sv_error *error);

@@ -5,10 +5,10 @@
  * space: light, eye and height are brought there once, which spares six frames and any large number.
  *
  * What is warped is the kept texels only (sv_relief_object_choose): the look's own copy of the colours has
- * alpha 0 every */
+ * alpha 0 everywhere else. Light in the warp (options.in_warp): splat, which notes the groups of texels that
+ * it shows -> light of those -> fill. */
 #include "core/relief/object.h"
 
-#include <emmintrin.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,13 +27,24 @@ struct sv_relief_look {
     const uint8_t (*color[SHEETS])[4]; /* what the last call of _light made: seen or albedo */
     struct sv_relief_shade *shade;
     struct sv_warp_source source[SHEETS];
-    struct sv_relief_span *spans; /* room */
+    struct sv_relief_span *spans;       /* room */
+    uint8_t *used[SHEETS], *used_block; /* groups of texels that the last warp shows */
+    /* Light that waits for a warp. */
+    bool in_warp;
+    struct sv_relief_place place;
+    struct sv_light light;
+    struct sv_relief_look_options options;
     void *block;
 };
 
 static size_t texels_of(const struct sv_relief *face)
 {
     return (size_t)face->width * (size_t)face->height;
+}
+
+static size_t groups_of(const struct sv_relief *face)
+{
+    return ((size_t)face->width + 7) / 8 * (size_t)face->height;
 }
 
 static void borrow_faces(struct sv_relief_look *look)
@@ -51,6 +62,7 @@ static void borrow_faces(struct sv_relief_look *look)
         for (size_t i = 0; k < SV_RELIEF_FACES && i < texels; i++)
             if (!look->object->keep[k][i])
                 look->face[k].color[i][3] = 0;
+        memcpy(look->seen[k], look->face[k].color, 4 * texels); /* alpha is the same from now on */
         look->color[k] = (const uint8_t(*)[4])look->face[k].color;
     }
     for (int k = 0; k < SHEETS; k++) {
@@ -62,20 +74,28 @@ static void borrow_faces(struct sv_relief_look *look)
 enum sv_status sv_relief_look_create(const struct sv_relief_object *object, struct sv_relief_look **look,
                                      struct sv_error *error)
 {
-    size_t texels = 0;
-    for (int k = 0; k < SHEETS; k++)
+    size_t texels = 0, groups = 0;
+    for (int k = 0; k < SHEETS; k++) {
         texels += texels_of(sv_relief_sheet(object, k));
+        groups += groups_of(sv_relief_sheet(object, k));
+    }
     struct sv_relief_look *made = calloc(1, sizeof *made);
     struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
-    void *block = malloc(texels * 9);
-    if (!made || !block || !spans) {
+    uint8_t *used = malloc(groups);
+    void *block = calloc(texels, 9);
+    if (!made || !block || !spans || !used) {
         free(made);
         free(block);
+        free(used);
         free(spans);
         return sv_fail(error, SV_ENOMEM, "look", "no memory for %zu texels", texels);
     }
-    *made = (struct sv_relief_look){.object = object, .spans = spans, .block = block};
+    *made = (struct sv_relief_look){.object = object, .spans = spans, .used_block = used, .block = block};
     borrow_faces(made);
+    for (int k = 0; k < SHEETS; k++) {
+        made->used[k] = used;
+        used += groups_of(&made->face[k]);
+    }
     enum sv_status status = sv_relief_shade_create(object, &made->shade, error);
     if (status == SV_OK)
         *look = made;
@@ -90,6 +110,7 @@ void sv_relief_look_destroy(struct sv_relief_look *look)
         return;
     sv_relief_shade_destroy(look->shade);
     free(look->spans);
+    free(look->used_block);
     free(look->block);
     free(look);
 }
@@ -143,6 +164,59 @@ static void dim(uint8_t *lit, size_t texels, double taken)
         lit[k] = (uint8_t)(lit[k] * left >> 8);
 }
 
+/* The eye of a camera, model space; the unit direction to it where there is no place. */
+static struct sv_vec3 eye_of(const struct sv_relief_place *place, const struct sv_camera *camera)
+{
+    return camera->projection == SV_PROJECTION_PERSPECTIVE
+               ? sv_relief_place_to_model(place, camera->eye)
+               : sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
+}
+
+/* Share of sunlight of sheet k where it is below 1, in look->lit; false: it is 1 everywhere. */
+static bool take_sun(struct sv_relief_look *look, int k, bool shadow)
+{
+    const struct sv_relief *face = &look->face[k];
+    double shade_height = (look->options.shade_height_m - look->place.place.z) / look->place.height_m;
+    double fade = fade_height(look->object);
+    bool shaded = shade_height + fade > look->object->box_min.z, dimmed = look->options.taken > 0;
+    if ((shaded || dimmed) && !shadow)
+        memset(look->lit[k], 255, texels_of(face));
+    if (shaded)
+        shade_below(face, shade_height, fade, look->lit[k]);
+    if (dimmed)
+        dim(look->lit[k], texels_of(face), look->options.taken);
+    return shadow || shaded || dimmed;
+}
+
+/* groups: of each sheet, what is needed (NULL: nothing); NULL: all of them. */
+static enum sv_status light_sheets(struct sv_relief_look *look, unsigned faces, const uint8_t *const *groups,
+                                   struct sv_error *error)
+{
+    const struct sv_relief_look_options *options = &look->options;
+    struct sv_light turned = look->light;
+    enum sv_status status = SV_OK;
+    bool shadow = options->shadow != SV_RELIEF_SHADOW_NONE;
+    turned.to_sun = sv_rotate_clockwise(look->light.to_sun, -look->place.heading_rad);
+    if (shadow)
+        status = sv_relief_shade_light(look->shade, look->face, turned.to_sun, options->shadow, faces, groups,
+                                       look->lit, error);
+    for (int k = 0; status == SV_OK && k < SHEETS; k++) {
+        const struct sv_relief *face = &look->face[k];
+        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count || (groups && !groups[k]))
+            continue;
+        struct sv_relief_light how = {.light = &turned,
+                                      .frame = face->frame,
+                                      .lit = take_sun(look, k, shadow) ? look->lit[k] : NULL,
+                                      .has_viewer = options->has_viewer,
+                                      .eye = sv_relief_place_to_model(&look->place, options->eye),
+                                      .specular = options->specular,
+                                      .shininess = options->shininess,
+                                      .groups = groups ? groups[k] : NULL};
+        sv_relief_light(face, &how, look->seen[k]);
+    }
+    return status;
+}
+
 enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv_relief_place *place,
                                     const struct sv_light *light,
                                     const struct sv_relief_look_options *options, unsigned faces,
@@ -151,43 +225,16 @@ enum sv_status sv_relief_look_light(struct sv_relief_look *look, const struct sv
     enum sv_status status = check(place, options, error);
     if (status != SV_OK)
         return status;
-    struct sv_light turned = *light;
-    turned.to_sun = sv_rotate_clockwise(light->to_sun, -place->heading_rad);
-    bool shadow = options->lit && options->shadow != SV_RELIEF_SHADOW_NONE;
-    if (shadow)
-        status = sv_relief_shade_light(look->shade, look->face, turned.to_sun, options->shadow, faces,
-                                       look->lit, error);
-    if (status != SV_OK)
-        return status;
-    double shade_height = (options->shade_height_m - place->place.z) / place->height_m;
-    double fade = fade_height(look->object);
-    bool shaded = options->lit && shade_height + fade > look->object->box_min.z;
-    bool dimmed = options->lit && options->taken > 0;
-    for (int k = 0; k < SHEETS; k++) {
-        const struct sv_relief *face = &look->face[k];
-        if (!(faces >> k % SV_RELIEF_FACES & 1) || !face->solid_count)
-            continue;
-        if (!options->lit) {
-            look->color[k] = (const uint8_t(*)[4])face->color;
-            continue;
-        }
-        if ((shaded || dimmed) && !shadow)
-            memset(look->lit[k], 255, texels_of(face));
-        if (shaded)
-            shade_below(face, shade_height, fade, look->lit[k]);
-        if (dimmed)
-            dim(look->lit[k], texels_of(face), options->taken);
-        struct sv_relief_light how = {.light = &turned,
-                                      .frame = face->frame,
-                                      .lit = shadow || shaded || dimmed ? look->lit[k] : NULL,
-                                      .has_viewer = options->has_viewer,
-                                      .eye = sv_relief_place_to_model(place, options->eye),
-                                      .specular = options->specular,
-                                      .shininess = options->shininess};
-        sv_relief_light(face, &how, look->seen[k]);
-        look->color[k] = (const uint8_t(*)[4])look->seen[k];
-    }
-    return SV_OK;
+    look->place = *place;
+    look->light = *light;
+    look->options = *options;
+    look->in_warp = options->lit && options->in_warp;
+    if (options->lit && !options->in_warp)
+        status = light_sheets(look, faces, NULL, error);
+    for (int k = 0; status == SV_OK && k < SHEETS; k++)
+        if (faces >> k % SV_RELIEF_FACES & 1)
+            look->color[k] = (const uint8_t(*)[4])(options->lit ? look->seen[k] : look->face[k].color);
+    return status;
 }
 
 static struct sv_relief_frame world_frame(const struct sv_relief_frame *m,
@@ -209,85 +256,11 @@ static void make_source(const struct sv_relief_look *look, int k, const struct s
     *source = (struct sv_warp_source){.width = face->width,
                                       .height = face->height,
                                       .t = face->displ,
-                                      .color = look->color[k],
+                                      .color = (const uint8_t(*)[4])face->color,
                                       .cut = face->cut};
     sv_warp_map_from_camera(&frame, camera, shift_x_px, shift_y_px, &source->map);
     for (int row = 0; row < 4; row++) /* t is in model space, where the object is 1 high */
         source->map.m[row][2] *= place->height_m;
-}
-
-/* Bit k: pixel k of four holds nothing. */
-static int empty4(const uint32_t *texel)
-{
-    __m128i held = _mm_loadu_si128((const __m128i *)(const void *)texel);
-    return _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(held, _mm_set1_epi32(-1))));
-}
-
-/* Bit k: pixel k of four is in no gap of one or two along `step`. */
-static int no_gap(const uint32_t *t, size_t step)
-{
-    int before = empty4(t - step), after = empty4(t + step);
-    return (before & empty4(t - 2 * step)) | (after & empty4(t + 2 * step)) | (before & after);
-}
-
-/* The farther of two surfaces beside an empty pixel goes on into it. */
-static void close_pixel(struct sv_warp_buffer *b, size_t p, size_t q, size_t r)
-{
-    size_t from = b->depth[q] < b->depth[r] ? q : r;
-    b->depth[p] = b->depth[from];
-    b->place[p] = b->place[from];
-    b->texel[p] = b->texel[from];
-}
-
-/* Neighbours of a pixel that was closed that now have something on all sides. */
-static uint32_t close_around(struct sv_warp_buffer *b, size_t p)
-{
-    const size_t w = (size_t)b->width, beside[4] = {p - 1, p + 1, p - w, p + w};
-    const uint32_t *t = b->texel;
-    uint32_t closed = 0;
-    for (int k = 0; k < 4; k++) {
-        size_t q = beside[k];
-        if (t[q] != SV_WARP_EMPTY || t[q - 1] == SV_WARP_EMPTY || t[q + 1] == SV_WARP_EMPTY ||
-            t[q - w] == SV_WARP_EMPTY || t[q + w] == SV_WARP_EMPTY)
-            continue;
-        close_pixel(b, q, q - 1, q + 1);
-        closed++;
-    }
-    return closed;
-}
-
-/* Gaps of one or two pixels along a row or a column, between two faces' borders: rounding of what meets
- * there. */
-static uint32_t close_gaps(struct sv_warp_buffer *b)
-{
-    uint32_t closed = 0;
-    int x0 = b->x0 < 2 ? 2 : b->x0, x1 = b->x1 > b->width - 2 ? b->width - 2 : b->x1;
-    int y0 = b->y0 < 2 ? 2 : b->y0, y1 = b->y1 > b->height - 2 ? b->height - 2 : b->y1;
-    const size_t w = (size_t)b->width;
-    if (b->width < 8)
-        return 0;
-    for (int j = y0; j < y1; j++)
-        for (int group = x0; group < x1; group += 4) {
-            int i = group < b->width - 6 ? group : b->width - 6; /* the last one of a row reaches back */
-            const size_t at = (size_t)j * w + (size_t)i;
-            const uint32_t *t = b->texel + at;
-            int empty = empty4(t);
-            if (!empty)
-                continue;
-            int along = no_gap(t, w), across = 15;
-            if (empty != 15) /* four empty ones side by side are no gap in the row */
-                across = no_gap(t, 1);
-            for (int gaps = empty & ~(across & along), k = 0; gaps >> k; k++) {
-                if (!(gaps >> k & 1))
-                    continue;
-                size_t p = at + (size_t)k, step = across >> k & 1 ? w : 1;
-                size_t before = b->texel[p - step] != SV_WARP_EMPTY ? p - step : p - 2 * step;
-                size_t after = b->texel[p + step] != SV_WARP_EMPTY ? p + step : p + 2 * step;
-                close_pixel(b, p, before, after);
-                closed += 1 + close_around(b, p);
-            }
-        }
-    return closed;
 }
 
 enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
@@ -300,9 +273,9 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
     if (status != SV_OK)
         return status;
     unsigned count = 0;
-    struct sv_vec3 eye = camera->projection == SV_PROJECTION_PERSPECTIVE
-                             ? sv_relief_place_to_model(place, camera->eye)
-                             : sv_rotate_clockwise(sv_scale(camera->forward, -1), -place->heading_rad);
+    const uint8_t *groups[SHEETS] = {NULL};
+    int sheet[SHEETS];
+    struct sv_vec3 eye = eye_of(place, camera);
     sv_warp_clear(buffer);
     bool is_place = camera->projection == SV_PROJECTION_PERSPECTIVE;
     for (int k = 0; k < SHEETS; k++) {
@@ -315,9 +288,21 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
             continue;
         make_source(look, k, place, camera, shift_x_px, shift_y_px, source);
         struct sv_relief_facing facing = sv_relief_object_facing(look->object, k, eye, is_place);
-        sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned, buffer, stats);
+        groups[k] = look->used[k];
+        sheet[count] = k;
+        if (look->in_warp)
+            memset(look->used[k], 0, groups_of(&look->face[k]));
+        sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned,
+                        look->in_warp ? look->used[k] : NULL, buffer, stats);
     }
-    stats->holes += close_gaps(buffer);
+    if (look->in_warp)
+        status = light_sheets(look, faces, groups, error);
+    if (status != SV_OK)
+        return status;
+    for (unsigned i = 0; i < count;
+         i++) /* the splat asks for alpha alone, which is the same in all of them */
+        look->source[i].color = look->color[sheet[i]];
+    stats->holes += sv_relief_close_gaps(buffer);
     *sources = look->source;
     *source_count = count;
     return SV_OK;

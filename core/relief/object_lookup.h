@@ -14,13 +14,13 @@ struct sv_relief_lookup {
     float low, high; /* incoming - displ between these: a crevice */
 };
 
-/* Texels 0 .. n - 1 of row j; pointers to its first. incoming: row front, or NULL. lit: share of sunlight *
+/* Texels first .. n - 1 of row j; pointers to texel 0. incoming: row front, or NULL. lit: share of sunlight *
  * 255; 0 for empty texels. */
 struct sv_relief_lookup_row {
     const int16_t *normal[3];
     const float *displ, *incoming;
     const uint8_t (*color)[4];
-    int row, n;
+    int row, first, n;
     uint8_t *lit;
 };
 

@@ -51,7 +51,7 @@ static inline __m256 passes(const struct sv_relief_lookup *map, __m256 x, __m256
 
 int sv_relief_lookup_avx2(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_row *row)
 {
-    int i = 0;
+    int i = row->first;
     for (; i + 8 <= row->n; i += 8) {
         __m256i color = _mm256_loadu_si256((const __m256i *)(const void *)(row->color + i));
         const __m256 n[3] = {load_part(row->normal[0] + i), load_part(row->normal[1] + i),

@@ -114,7 +114,7 @@ enum sv_status sv_relief_object_rim(struct sv_relief_object *object, struct sv_e
         const struct sv_relief *r = sv_relief_sheet(object, k);
         count += (size_t)(r->width + 1) * (size_t)(r->height + 1);
     }
-    uint8_t *at = malloc(count);
+    uint8_t *at = malloc(count + SV_RELIEF_RIMS_SLACK);
     if (!at)
         return sv_fail(error, SV_ENOMEM, "object", "no memory for %zu cells", count);
     free(object->rim_block);

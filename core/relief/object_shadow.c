@@ -115,7 +115,7 @@ static bool make_casters(struct sv_relief_shade *shade)
         c->height = (shade->object->face[k].height + 1) / 2;
         texels = (size_t)c->width * (size_t)c->height;
         cells = (size_t)(c->width + 1) * (size_t)(c->height + 1);
-        bytes += texels * CASTER_BYTES + cells + 16;
+        bytes += (texels * CASTER_BYTES + cells + SV_RELIEF_RIMS_SLACK + 15) / 16 * 16;
     }
     uint8_t *at = shade->casters = malloc(bytes);
     for (int k = 0; at && k < SV_RELIEF_FACES; k++) {
@@ -129,7 +129,7 @@ static bool make_casters(struct sv_relief_shade *shade)
         c->normal[2] = c->normal[1] + texels;
         c->rims = (uint8_t *)(c->normal[2] + texels);
         fill_caster(shade->object, k, c);
-        at += (texels * CASTER_BYTES + cells + 15) / 16 * 16;
+        at += (texels * CASTER_BYTES + cells + SV_RELIEF_RIMS_SLACK + 15) / 16 * 16;
     }
     return shade->casters != NULL;
 }
@@ -232,7 +232,7 @@ static void draw_map(struct sv_relief_shade *shade, const struct light_view *vie
             along(&c->frame, view->axis[r], view->at[r], source.map.m[r]);
         source.map.m[3][3] = 1;
         if (shade->object->face[k].solid_count)
-            sv_relief_splat(&source, (unsigned)k, c->rims, &facing, &all, 1, &shade->map, &stats);
+            sv_relief_splat(&source, (unsigned)k, c->rims, &facing, &all, 1, NULL, &shade->map, &stats);
     }
 }
 
@@ -255,7 +255,8 @@ static bool run_front(struct sv_relief_shade *shade, const struct sv_relief *fac
 
 /* Sheet k against the map, and against its own front where there is one. */
 static void look_up(const struct sv_relief_shade *shade, int k, const struct sv_relief *sheet,
-                    const struct light_view *view, struct sv_vec3 to_sun, const float *incoming, uint8_t *lit)
+                    const struct light_view *view, struct sv_vec3 to_sun, const float *incoming,
+                    const uint8_t *groups, uint8_t *lit)
 {
     const struct sv_relief_object *object = shade->object;
     double offset = OFFSET_TEXELS * object->texel, pitch = sv_length(sheet->frame.a);
@@ -275,18 +276,19 @@ static void look_up(const struct sv_relief_shade *shade, int k, const struct sv_
             how.offset[r][c] = (float)(m[c] * offset / ((c < 2 ? pitch : 1) * 32767));
     }
     bool wide = sv_simd_level() >= SV_SIMD_AVX2;
-    size_t texels = (size_t)sheet->width * (size_t)sheet->height;
+    size_t texels = (size_t)sheet->width * (size_t)sheet->height, stride = ((size_t)sheet->width + 7) / 8;
     for (int j = 0; j < sheet->height; j++) {
         size_t at = (size_t)j * (size_t)sheet->width;
         struct sv_relief_lookup_row row = {.displ = sheet->displ + at,
                                            .incoming = incoming ? incoming + at : NULL,
                                            .color = (const uint8_t(*)[4])sheet->color + at,
                                            .row = j,
-                                           .n = sheet->width,
                                            .lit = lit + at};
         for (int c = 0; c < 3; c++)
             row.normal[c] = object->normals[k] + (size_t)c * texels + at;
-        sv_relief_lookup_scalar(&how, &row, wide ? sv_relief_lookup_avx2(&how, &row) : 0);
+        while (
+            sv_relief_next_run(groups ? groups + (size_t)j * stride : NULL, sheet->width, &row.first, &row.n))
+            sv_relief_lookup_scalar(&how, &row, wide ? sv_relief_lookup_avx2(&how, &row) : row.first);
     }
 }
 
@@ -340,7 +342,8 @@ static enum sv_status sweep(const struct sv_relief_shade *shade, const struct sv
 enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade,
                                      const struct sv_relief sheet[SV_RELIEF_SHEETS], struct sv_vec3 to_sun,
                                      enum sv_relief_shadow_form form, unsigned faces,
-                                     uint8_t *const lit[SV_RELIEF_SHEETS], struct sv_error *error)
+                                     const uint8_t *const *groups, uint8_t *const lit[SV_RELIEF_SHEETS],
+                                     struct sv_error *error)
 {
     if (form == SV_RELIEF_SHADOW_LINE_SWEEP)
         return sweep(shade, sheet, to_sun, faces, lit, error);
@@ -350,8 +353,11 @@ enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade,
     for (int k = 0; status == SV_OK && k < SV_RELIEF_SHEETS; k++) {
         if (!(faces >> k % SV_RELIEF_FACES & 1) || !sheet[k].solid_count)
             continue;
+        if (groups && !groups[k])
+            continue;
         bool front = k < SV_RELIEF_FACES && run_front(shade, &sheet[k], to_sun, &status, error);
-        look_up(shade, k, &sheet[k], &view, to_sun, front ? shade->incoming : NULL, lit[k]);
+        look_up(shade, k, &sheet[k], &view, to_sun, front ? shade->incoming : NULL, groups ? groups[k] : NULL,
+                lit[k]);
     }
     return status;
 }

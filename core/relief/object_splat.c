@@ -6,16 +6,11 @@
  * drawn there: the `rims` of an object (object_rims.c) tell which cells are needed. */
 #include "core/relief/object_splat.h"
 
-#include <emmintrin.h>
+#include <math.h>
 #include <string.h>
 
-#include "core/relief/warp_kernel.h"
+#include "core/relief/object_splat_kernel.h"
 
-/* Cells larger than this are rare, and drawn row by row. */
-#define LARGE_PX 64.0f
-/* |e1 x e2| over the square of all their lengths, below which a cell is seen edge-on: 0.05 px wide at 10 px.
- */
-#define EDGE_ON (1.0f / 4096)
 enum { COLUMNS = SV_WARP_STRIP, BEYOND = 8 /* entries that vector stores may run over */ };
 
 static void set_nothing(struct sv_warp_row *row, int from, int to)
@@ -50,165 +45,17 @@ static uint32_t load_row(const struct sv_warp_kernel *kernel, const struct sv_wa
     return kernel->project(&line, source->t + texel, source->color + texel, to - from, from, row);
 }
 
-/* A triangle in the picture by one corner and its two edges, with depth and place (in a texel or a cell). */
-struct triangle {
-    float x, y, d, e1[3], e2[3]; /* e: by x, y, d */
-    float s, r, s1, r2;          /* place of the corner; what edge 1 adds to s, edge 2 to r */
-    float turn;                  /* sign of edge 1 x edge 2 when it faces the eye */
-    bool doubled;                /* the parallelogram instead */
-    uint32_t texel, full;
-};
-
-static float min2(float a, float b)
+static struct sv_relief_corners corners_of(const struct sv_warp_job *job, const struct sv_warp_row *up,
+                                           const struct sv_warp_row *lo, int c)
 {
-    return a < b ? a : b;
-}
-
-static float max2(float a, float b)
-{
-    return a > b ? a : b;
-}
-
-/* Pixels of a range of places along an axis whose centres are in it, within 0 .. size - 1. */
-static int first_pixel(float from)
-{
-    return from > 0.5f ? (int)(from + 0.5f - 1.0f / 1024) : 0; /* a row too many is tested, none is missed */
-}
-
-static int last_pixel(float to, int size)
-{
-    return to < (float)size ? (int)(to + 0.5f) - 1 : size - 1;
-}
-
-/* The pixels of a row's four that `mask` names. */
-static void draw_four(struct sv_warp_job *job, const struct triangle *t, size_t p, int mask, __m128 s4,
-                      __m128 r4)
-{
-    struct sv_warp_pixels to = sv_warp_pixels_of(job->buffer);
-    float s[4], r[4];
-    _mm_storeu_ps(s, s4);
-    _mm_storeu_ps(r, r4);
-    for (; mask; mask &= mask - 1) {
-        int k = __builtin_ctz((unsigned)mask);
-        float d = min2(max2(t->d + s[k] * t->e1[2] + r[k] * t->e2[2], 0), 1);
-        job->pixels += sv_warp_put(to, p + (size_t)k, d, t->texel,
-                                   sv_warp_place(t->s + s[k] * t->s1, t->r + r[k] * t->r2, t->full));
+    struct sv_relief_corners q = {.texel = job->tag0 + (uint32_t)c};
+    for (int k = 0; k < 4; k++) {
+        const struct sv_warp_row *row = k < 2 ? up : lo;
+        q.x[k] = row->x[c + (k & 1)];
+        q.y[k] = row->y[c + (k & 1)];
+        q.d[k] = row->d[c + (k & 1)];
     }
-}
-
-/* Pixels whose centres it holds. One that is turned away or seen edge-on is not drawn: bodies are closed. */
-static void draw_triangle(struct sv_warp_job *job, const struct triangle *t)
-{
-    const struct sv_warp_buffer *b = job->buffer;
-    float e1x = t->e1[0], e1y = t->e1[1], e2x = t->e2[0], e2y = t->e2[1], det = e1x * e2y - e1y * e2x;
-    float size = fabsf(e1x) + fabsf(e1y) + fabsf(e2x) + fabsf(e2y);
-    if (!(det * t->turn > size * size * EDGE_ON) || !(size <= 2 * LARGE_PX))
-        return;
-    float bx = t->doubled ? e1x + e2x : 0, by = t->doubled ? e1y + e2y : 0;
-    int j0 = first_pixel(t->y + min2(min2(0, e1y), min2(e2y, by)));
-    int j1 = last_pixel(t->y + max2(max2(0, e1y), max2(e2y, by)), b->height);
-    int i0 = first_pixel(t->x + min2(min2(0, e1x), min2(e2x, bx)));
-    int i1 = last_pixel(t->x + max2(max2(0, e1x), max2(e2x, bx)), b->width);
-    float inverse = 1 / det;
-    const __m128 s_x = _mm_set1_ps(e2y * inverse), r_x = _mm_set1_ps(-e1y * inverse);
-    const __m128 low = _mm_set1_ps(-SV_WARP_EDGE), high = _mm_set1_ps(1 + SV_WARP_EDGE);
-    const __m128 dx0 = _mm_add_ps(_mm_set1_ps((float)i0 + 0.5f - t->x), _mm_setr_ps(0, 1, 2, 3));
-    for (int j = j0; j <= j1; j++) {
-        float dy = (float)j + 0.5f - t->y;
-        __m128 s0 = _mm_set1_ps(-dy * e2x * inverse), r0 = _mm_set1_ps(dy * e1x * inverse), dx = dx0;
-        for (int i = i0; i <= i1; i += 4, dx = _mm_add_ps(dx, _mm_set1_ps(4))) {
-            __m128 s = _mm_add_ps(s0, _mm_mul_ps(dx, s_x)), r = _mm_add_ps(r0, _mm_mul_ps(dx, r_x));
-            __m128 most = t->doubled ? _mm_max_ps(s, r) : _mm_add_ps(s, r);
-            __m128 in = _mm_and_ps(_mm_cmpge_ps(_mm_min_ps(s, r), low), _mm_cmple_ps(most, high));
-            int mask = _mm_movemask_ps(in) & (i1 - i < 3 ? (2 << (i1 - i)) - 1 : 15);
-            if (mask)
-                draw_four(job, t, (size_t)j * (size_t)b->width + (size_t)i, mask, s, r);
-        }
-    }
-}
-
-/* A full cell that the kernels leave (large, or far from a parallelogram), by its own coordinates (s, r): its
- * corners are (0, 0), (1, 0), (0, 1), (s3, r3). False: it is neither convex nor small, or folded in the
- * picture. */
-static bool draw_quad(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
-                      int c)
-{
-    float x0 = up->x[c], y0 = up->y[c], e1x = up->x[c + 1] - x0, e1y = up->y[c + 1] - y0;
-    float e2x = lo->x[c] - x0, e2y = lo->y[c] - y0, e3x = lo->x[c + 1] - x0, e3y = lo->y[c + 1] - y0;
-    float det = e1x * e2y - e1y * e2x, det_far = (e3x - e2x) * (e3y - e1y) - (e3y - e2y) * (e3x - e1x);
-    if (det <= 0 && det_far <= 0)
-        return true; /* turned away */
-    float left = min2(min2(0, e1x), min2(e2x, e3x)), right = max2(max2(0, e1x), max2(e2x, e3x));
-    float top = min2(min2(0, e1y), min2(e2y, e3y)), bottom = max2(max2(0, e1y), max2(e2y, e3y));
-    float inverse = 1 / det, s3 = (e3x * e2y - e3y * e2x) * inverse, r3 = (e3y * e1x - e3x * e1y) * inverse;
-    if (!(det > (right - left) * (bottom - top) * EDGE_ON && right - left <= LARGE_PX &&
-          bottom - top <= LARGE_PX) ||
-        !(s3 > 0 && r3 > 0 && s3 + r3 > 1 && s3 < 8 && r3 < 8))
-        return false;
-    const struct sv_warp_buffer *b = job->buffer;
-    struct triangle t = {.d = up->d[c], .s1 = 1, .r2 = 1, .texel = job->tag0 + (uint32_t)c, .full = 1};
-    t.e1[2] = up->d[c + 1] - t.d;
-    t.e2[2] = lo->d[c] - t.d;
-    int j0 = first_pixel(y0 + top), j1 = last_pixel(y0 + bottom, b->height);
-    int i0 = first_pixel(x0 + left), i1 = last_pixel(x0 + right, b->width);
-    const __m128 s_x = _mm_set1_ps(e2y * inverse), r_x = _mm_set1_ps(-e1y * inverse);
-    const __m128 low = _mm_set1_ps(-SV_WARP_EDGE), one = _mm_set1_ps(1), s_3 = _mm_set1_ps(s3),
-                 r_3 = _mm_set1_ps(r3);
-    const __m128 s_31 = _mm_set1_ps(s3 - 1), r_31 = _mm_set1_ps(r3 - 1);
-    const __m128 dx0 = _mm_add_ps(_mm_set1_ps((float)i0 + 0.5f - x0), _mm_setr_ps(0, 1, 2, 3));
-    for (int j = j0; j <= j1; j++) {
-        float dy = (float)j + 0.5f - y0;
-        __m128 s0 = _mm_set1_ps(-dy * e2x * inverse), r0 = _mm_set1_ps(dy * e1x * inverse), dx = dx0;
-        for (int i = i0; i <= i1; i += 4, dx = _mm_add_ps(dx, _mm_set1_ps(4))) {
-            __m128 s = _mm_add_ps(s0, _mm_mul_ps(dx, s_x)), r = _mm_add_ps(r0, _mm_mul_ps(dx, r_x));
-            /* Beyond the edges (1, 0) - (s3, r3) and (0, 1) - (s3, r3)? */
-            __m128 a = _mm_sub_ps(_mm_mul_ps(s_31, r), _mm_mul_ps(r_3, _mm_sub_ps(s, one)));
-            __m128 e = _mm_sub_ps(_mm_mul_ps(r_31, s), _mm_mul_ps(s_3, _mm_sub_ps(r, one)));
-            __m128 least = _mm_min_ps(_mm_min_ps(s, r), _mm_min_ps(a, e));
-            int mask = _mm_movemask_ps(_mm_cmpge_ps(least, low)) & (i1 - i < 3 ? (2 << (i1 - i)) - 1 : 15);
-            if (mask)
-                draw_four(job, &t, (size_t)j * (size_t)b->width + (size_t)i, mask, _mm_min_ps(s, one),
-                          _mm_min_ps(r, one));
-        }
-    }
-    return true;
-}
-
-static void edge_between(const struct sv_warp_row *a, int from, const struct sv_warp_row *b, int to,
-                         float e[3])
-{
-    e[0] = b->x[to] - a->x[from];
-    e[1] = b->y[to] - a->y[from];
-    e[2] = b->d[to] - a->d[from];
-}
-
-/* A full cell that the kernels leave (large, or far from a parallelogram): two triangles. False: too large.
- */
-static bool draw_full(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
-                      int c)
-{
-    struct triangle t = {.x = up->x[c], .y = up->y[c], .d = up->d[c], .s1 = 1, .r2 = 1, .turn = 1, .full = 1};
-    struct triangle far = {.x = lo->x[c + 1],
-                           .y = lo->y[c + 1],
-                           .d = lo->d[c + 1],
-                           .s = 1,
-                           .r = 1,
-                           .s1 = -1,
-                           .r2 = -1,
-                           .turn = 1,
-                           .full = 1};
-    t.texel = far.texel = job->tag0 + (uint32_t)c;
-    edge_between(up, c, up, c + 1, t.e1);
-    edge_between(up, c, lo, c, t.e2);
-    edge_between(lo, c + 1, lo, c, far.e1);
-    edge_between(lo, c + 1, up, c + 1, far.e2);
-    float reach = fabsf(t.e1[0]) + fabsf(t.e1[1]) + fabsf(t.e2[0]) + fabsf(t.e2[1]);
-    reach = max2(reach, fabsf(far.e1[0]) + fabsf(far.e1[1]) + fabsf(far.e2[0]) + fabsf(far.e2[1]));
-    if (!(reach <= LARGE_PX))
-        return false;
-    draw_triangle(job, &t);
-    draw_triangle(job, &far);
-    return true;
+    return q;
 }
 
 static bool is_full(const struct sv_warp_row *up, const struct sv_warp_row *lo, int c, float cut)
@@ -229,10 +76,72 @@ static void half_edge(const struct sv_warp_job *job, const float here[3], const 
     }
 }
 
+/* What a splat holds on to. */
+struct work {
+    const struct sv_warp_kernel *kernel;
+    struct sv_warp_job job;
+    bool wide;     /* AVX2: small full cells, and quarters of others, wait until eight are together */
+    uint8_t *used; /* NULL: not asked for */
+    size_t used_stride;
+    uint8_t shown[SV_WARP_STRIP / 8], torn[SV_WARP_STRIP / 8]; /* cells of a row, a bit each */
+    struct sv_relief_waiting waiting, quarters;
+    uint16_t listed[SV_RELIEF_WAITING_ROOM];
+};
+
+/* Pixels from (x0, y0) to (x1, y1) may be written. */
+static void touch(struct sv_warp_buffer *buffer, float x0, float y0, float x1, float y1)
+{
+    float w = (float)buffer->width, h = (float)buffer->height;
+    if (x1 >= 0 && y1 >= 0 && x0 <= w && y0 <= h)
+        sv_warp_touch(buffer, (int)sv_relief_max2(x0 - 1, 0), (int)sv_relief_max2(y0 - 1, 0),
+                      (int)sv_relief_min2(x1 + 2, w), (int)sv_relief_min2(y1 + 2, h));
+}
+
+/* Depth that a flat surface would have beyond what there is. */
+static float held_depth(float d)
+{
+    return sv_relief_min2(sv_relief_max2(d, 0), 1);
+}
+
+/* Draws quarter k by its edges, or lets it wait. One that is turned away or seen edge-on is not drawn: bodies
+ * are closed. */
+static void take_quarter(struct work *work, int k, const float here[3], const float e1[3], const float e2[3],
+                         uint32_t texel)
+{
+    float det = e1[0] * e2[1] - e1[1] * e2[0];
+    float size = fabsf(e1[0]) + fabsf(e1[1]) + fabsf(e2[0]) + fabsf(e2[1]);
+    if (!((k == 1 || k == 2 ? -det : det) > size * size * SV_RELIEF_EDGE_ON) ||
+        !(size <= 2 * SV_RELIEF_LARGE_PX))
+        return;
+    const struct sv_relief_corners q = {
+        .x = {here[0], here[0] + e1[0], here[0] + e2[0], here[0] + e1[0] + e2[0]},
+        .y = {here[1], here[1] + e1[1], here[1] + e2[1], here[1] + e1[1] + e2[1]},
+        .d = {here[2], held_depth(here[2] + e1[2]), held_depth(here[2] + e2[2]),
+              held_depth(here[2] + e1[2] + e2[2])},
+        .texel = texel,
+    };
+    struct sv_relief_waiting *w = &work->quarters;
+    touch(work->job.buffer, sv_relief_least(q.x), sv_relief_least(q.y), sv_relief_most(q.x),
+          sv_relief_most(q.y));
+    if (!work->wide || size > SV_WARP_SMALL - 1) { /* of `size` px: at most SV_WARP_SMALL pixels a side */
+        sv_relief_draw_quarter(&work->job, &q, k, work->wide);
+        return;
+    }
+    for (int i = 0; i < 4; i++)
+        w->x[i][w->count] = q.x[i], w->y[i][w->count] = q.y[i], w->d[i][w->count] = q.d[i];
+    w->texel[w->count] = texel;
+    w->needed[w->count++] = (uint32_t)k;
+    if (w->count == SV_RELIEF_WAITING) {
+        sv_relief_draw_quarters_avx2(&work->job, w, w->count);
+        w->count = 0;
+    }
+}
+
 /* A cell that is not full, piece by piece. */
-static void draw_quarters(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo,
+static void draw_quarters(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo,
                           int c)
 {
+    const struct sv_warp_job *job = &work->job;
     for (int k = 0; k < 4; k++) {
         const struct sv_warp_row *row = k < 2 ? up : lo, *other = k < 2 ? lo : up;
         int e = c + (k & 1), beside = c + 1 - (k & 1);
@@ -241,52 +150,136 @@ static void draw_quarters(struct sv_warp_job *job, const struct sv_warp_row *up,
         const double *m = job->source->map.m[3];
         double u = job->column + e + 0.5, v = job->row + (k >> 1) + 0.5;
         float inverse_w = (float)(1 / (m[0] * u + m[1] * v + m[2] * (double)row->t[e] + m[3])),
-              cut = job->source->cut;
+              cut = job->source->cut, e1[3], e2[3];
         const float here[3] = {row->x[e], row->y[e], row->d[e]},
                     across[3] = {row->x[beside], row->y[beside], row->d[beside]};
         const float along[3] = {other->x[e], other->y[e], other->d[e]};
-        struct triangle q = {.x = here[0], .y = here[1], .d = here[2], .s = 0.5f, .r = 0.5f, .doubled = true};
-        q.turn = k == 1 || k == 2 ? -1 : 1;
-        q.s1 = k & 1 ? -0.5f : 0.5f;
-        q.r2 = k >> 1 ? -0.5f : 0.5f;
-        q.texel = job->tag0 + (uint32_t)e + (uint32_t)(k >> 1) * (uint32_t)job->source->width;
-        half_edge(job, here, across, fabsf(row->t[e] - row->t[beside]) <= cut, 0, 2 * q.s1, inverse_w, q.e1);
-        half_edge(job, here, along, fabsf(row->t[e] - other->t[e]) <= cut, 1, 2 * q.r2, inverse_w, q.e2);
-        draw_triangle(job, &q);
+        half_edge(job, here, across, fabsf(row->t[e] - row->t[beside]) <= cut, 0, k & 1 ? -1 : 1, inverse_w,
+                  e1);
+        half_edge(job, here, along, fabsf(row->t[e] - other->t[e]) <= cut, 1, k >> 1 ? -1 : 1, inverse_w, e2);
+        take_quarter(work, k, here, e1, e2,
+                     job->tag0 + (uint32_t)e + (uint32_t)(k >> 1) * (uint32_t)job->source->width);
     }
+}
+
+static void draw_full_cell(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo,
+                           int c)
+{
+    struct sv_relief_corners q = corners_of(&work->job, up, lo, c);
+    if (!sv_relief_draw_quad(&work->job, &q, work->wide) && !sv_relief_draw_full(&work->job, &q))
+        sv_warp_cell(&work->job, up, lo, c);
+}
+
+/* Colours of columns i0 <= i <= i1, rows j0 <= j <= j1 are seen; what lies outside of the sheet is not. */
+static void mark_block(struct work *work, int i0, int i1, int j0, int j1)
+{
+    const struct sv_warp_source *source = work->job.source;
+    int first = (i0 > 0 ? i0 : 0) / 8, last = (i1 < source->width ? i1 : source->width - 1) / 8;
+    for (int j = j0 > 0 ? j0 : 0; j <= j1 && j < source->height; j++)
+        for (int k = first; k <= last; k++)
+            work->used[(size_t)j * work->used_stride + (size_t)k] = 1;
+}
+
+/* Of n cells between two rows; those that are not full may show what is beside them, with a pixel's rounding.
+ */
+static void mark_cells(struct work *work, int n)
+{
+    const int column = work->job.column, row = work->job.row;
+    for (int k = 0; 8 * k < n; k++) {
+        unsigned full = work->shown[k], torn = work->torn[k];
+        if (full) {
+            int first = column + 8 * k + __builtin_ctz(full),
+                last = column + 8 * k + 32 - __builtin_clz(full);
+            uint8_t *up = work->used + (size_t)row * work->used_stride, *lo = up + work->used_stride;
+            up[first / 8] = up[last / 8] = lo[first / 8] = lo[last / 8] = 1;
+        }
+        for (; torn; torn &= torn - 1) {
+            int i = column + 8 * k + __builtin_ctz(torn);
+            mark_block(work, i - 1, i + 2, row - 1, row + 2);
+        }
+    }
+}
+
+/* Cells that are drawn one by one, of those between two rows. */
+static void draw_left(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
+                      const uint8_t *rim)
+{
+    int listed = work->kernel->cells(&work->job, up, lo, n, work->listed), i = work->job.column;
+    if (work->used)
+        mark_block(work, i - 1, i + n + 1, work->job.row - 1, work->job.row + 2);
+    for (int k = 0; k < listed; k++) {
+        int c = work->listed[k];
+        bool full = is_full(up, lo, c, work->job.source->cut);
+        if (rim[c] != (full ? SV_RELIEF_CELL_FULL : SV_RELIEF_CELL_RIM))
+            continue; /* not needed, or not full only for what is turned away */
+        if (full)
+            draw_full_cell(work, up, lo, c);
+        else
+            draw_quarters(work, up, lo, c);
+    }
+}
+
+/* Draws the first `count` cells that wait, and moves the others to their place. */
+static void draw_waiting(struct work *work, int count)
+{
+    struct sv_relief_waiting *w = &work->waiting;
+    int listed = sv_relief_draw_waiting_avx2(&work->job, w, count, work->listed), rest = w->count - count;
+    for (int k = 0; k < listed; k++) {
+        int at = work->listed[k];
+        struct sv_relief_corners q = {.texel = w->texel[at]};
+        for (int i = 0; i < 4; i++)
+            q.x[i] = w->x[i][at], q.y[i] = w->y[i][at], q.d[i] = w->d[i][at];
+        sv_relief_draw_full(&work->job, &q); /* small */
+    }
+    for (int i = 0; i < 4; i++) {
+        memmove(w->x[i], w->x[i] + count, (size_t)rest * sizeof(float));
+        memmove(w->y[i], w->y[i] + count, (size_t)rest * sizeof(float));
+        memmove(w->d[i], w->d[i] + count, (size_t)rest * sizeof(float));
+    }
+    memmove(w->texel, w->texel + count, (size_t)rest * sizeof(uint32_t));
+    memmove(w->needed, w->needed + count, (size_t)rest * sizeof(uint32_t));
+    w->count = rest;
+}
+
+static void put_off(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
+                    const uint8_t *rim)
+{
+    int listed = sv_relief_put_off_avx2(&work->job, up, lo, n, rim, &work->waiting, work->listed, work->shown,
+                                        work->torn);
+    if (work->used)
+        mark_cells(work, n);
+    for (int k = 0; k < listed; k++) {
+        int c = work->listed[k];
+        if (rim[c] == SV_RELIEF_CELL_FULL)
+            draw_full_cell(work, up, lo, c);
+        else
+            draw_quarters(work, up, lo, c);
+    }
+    if (work->waiting.count >= SV_RELIEF_WAITING)
+        draw_waiting(work, work->waiting.count & ~7);
 }
 
 /* Cells between two rows; rim: of the first cell. */
-static void draw_cells(const struct sv_warp_kernel *kernel, struct sv_warp_job *job,
-                       const struct sv_warp_row *up, const struct sv_warp_row *lo, int n, const uint8_t *rim)
+static void draw_cells(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
+                       const uint8_t *rim)
 {
-    uint16_t slow[SV_WARP_STRIP];
-    struct sv_warp_buffer *buffer = job->buffer;
-    float x0 = min2(up->min_x, lo->min_x), x1 = max2(up->max_x, lo->max_x);
-    float y0 = min2(up->min_y, lo->min_y), y1 = max2(up->max_y, lo->max_y);
-    const float reach = LARGE_PX; /* of what a cell covers beyond its texels' centres */
+    struct sv_warp_buffer *buffer = work->job.buffer;
+    float x0 = sv_relief_min2(up->min_x, lo->min_x), x1 = sv_relief_max2(up->max_x, lo->max_x);
+    float y0 = sv_relief_min2(up->min_y, lo->min_y), y1 = sv_relief_max2(up->max_y, lo->max_y);
+    const float reach = SV_RELIEF_LARGE_PX; /* of what a cell covers beyond its texels' centres */
     if (!(x0 <= x1) || !(x1 >= -reach && y1 >= -reach && x0 <= (float)buffer->width + reach &&
                          y0 <= (float)buffer->height + reach))
         return;
-    int listed = kernel->cells(job, up, lo, n, slow);
-    for (int k = 0; k < listed; k++) {
-        int c = slow[k];
-        bool full = is_full(up, lo, c, job->source->cut);
-        if (rim[c] != (full ? SV_RELIEF_CELL_FULL : SV_RELIEF_CELL_RIM))
-            continue; /* not needed, or not full only for what is turned away */
-        if (!full)
-            draw_quarters(job, up, lo, c);
-        else if (!draw_quad(job, up, lo, c) && !draw_full(job, up, lo, c))
-            sv_warp_cell(job, up, lo, c);
-    }
-    x0 = max2(x0 - reach, 0), y0 = max2(y0 - reach, 0);
-    x1 = min2(x1 + reach + 1, (float)buffer->width), y1 = min2(y1 + reach + 1, (float)buffer->height);
-    sv_warp_touch(buffer, (int)x0, (int)y0, (int)x1, (int)y1);
+    if (work->wide)
+        put_off(work, up, lo, n, rim);
+    else
+        draw_left(work, up, lo, n, rim);
+    touch(buffer, x0, y0, x1, y1); /* full cells; others do so for themselves */
 }
 
-static const struct sv_warp_kernel *kernel_here(void)
+static const struct sv_warp_kernel *kernel_of(enum sv_simd level)
 {
-    switch (sv_simd_level()) {
+    switch (level) {
     case SV_SIMD_SCALAR:
         return &sv_warp_scalar;
     case SV_SIMD_SSE2:
@@ -297,75 +290,74 @@ static const struct sv_warp_kernel *kernel_here(void)
     return &sv_warp_scalar;
 }
 
-/* Which texels of a row face the eye, columns first .. first + count - 1: n . (eye - place) > 0 (NaN: no).
- * What lies outside of the sheet does not. */
-static void face_row(const struct sv_relief_facing *f, const struct sv_warp_source *source, int first,
-                     int count, int j, uint8_t *out)
+/* The cells at texels of a span, in columns column .. column + n. */
+static void splat_strip(struct work *work, const struct sv_relief_span *span, int column, int n,
+                        const struct sv_relief_facing *facing, const uint8_t *rims, unsigned k,
+                        struct sv_warp_stats *stats)
 {
-    int from = first < 0 ? -first : 0, to = first + count > source->width ? source->width - first : count;
-    memset(out, 0, (size_t)count);
-    if (j < 0 || j >= source->height)
-        return;
-    const size_t row = (size_t)j * (size_t)source->width + (size_t)(first + from);
-    const int16_t *restrict nu = f->normal[0] + row, *restrict nv = f->normal[1] + row;
-    const int16_t *restrict nf = f->normal[2] + row;
-    const float *restrict t = source->t + row;
-    float u = f->eye[0] - ((float)(first + from) + 0.5f) * f->pitch,
-          v = f->eye[1] - ((float)j + 0.5f) * f->pitch;
-    int32_t faces[SV_WARP_ROW + 16];
-    const int n = to - from;
-    for (int i = 0; i < n; i++) {
-        float along = (float)nu[i] * (u - (float)i * f->pitch) + (float)nv[i] * v;
-        faces[i] = -(along + (float)nf[i] * (f->eye[2] - f->near * t[i]) > 0);
-    }
-    for (int i = 0; i < n; i++)
-        out[from + i] = (uint8_t)faces[i];
-}
-
-/* Entries of a row without a neighbour (or themselves) that faces the eye are nothing: no cell at them does.
- * facing: the rows above, at and below, from the column before the first entry. */
-static void drop_averted(uint8_t facing[3][SV_WARP_ROW + 16], int n, struct sv_warp_row *row)
-{
-    uint8_t any[SV_WARP_ROW + 16];
-    for (int i = 0; i < n + 2; i++)
-        any[i] = facing[0][i] | facing[1][i] | facing[2][i];
-    for (int i = 0; i < n; i++)
-        row->t[i] = (any[i] | any[i + 1] | any[i + 2]) ? row->t[i] : NAN;
-}
-
-void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint8_t *rims,
-                     const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
-                     int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
-{
-    const struct sv_warp_kernel *kernel = kernel_here();
-    struct sv_warp_row rows[2];
-    uint8_t front[3][SV_WARP_ROW + 16];
-    struct sv_warp_job job = {.source = source,
-                              .buffer = buffer,
-                              .budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height};
+    const struct sv_warp_source *source = work->job.source;
     const size_t stride = (size_t)source->width + 1; /* cells of a row: column -1 first */
+    struct sv_warp_row rows[2];
+    uint8_t front[3][SV_RELIEF_FRONT];
+    work->job.column = column;
+    for (int j = span->row0 - 2; j <= span->row1 + 1; j++) {
+        uint8_t *of_row = front[(j + 3) % 3];
+        if (work->wide)
+            sv_relief_front_avx2(facing, source, column - 1, n + 3, j, of_row);
+        else
+            sv_relief_front_scalar(facing, source, column - 1, n + 3, j, of_row);
+        int i = j - 1; /* whose neighbours are known now */
+        if (i < span->row0 - 1)
+            continue;
+        uint8_t *const around[3] = {front[(i + 2) % 3], front[(i + 3) % 3], of_row};
+        struct sv_warp_row *up = &rows[(i + 1) & 1], *lo = &rows[i & 1];
+        uint32_t solid = load_row(work->kernel, source, column, n + 1, i, lo);
+        if (work->wide)
+            sv_relief_drop_avx2(around, n + 1, lo);
+        else
+            sv_relief_drop_scalar(around, n + 1, lo);
+        if (i < span->row0)
+            continue;
+        stats->texels += solid;
+        work->job.row = i - 1;
+        work->job.tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS;
+        work->job.tag0 += (uint32_t)((i - 1) * source->width + column);
+        draw_cells(work, up, lo, n, rims + (size_t)i * stride + (size_t)(column + 1));
+    }
+}
+
+void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
+                        const uint8_t *rims, const struct sv_relief_facing *facing,
+                        const struct sv_relief_span *spans, int span_count, uint8_t *used,
+                        struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
+{
+    struct work work;
+    work.kernel = kernel_of(level);
+    work.job = (struct sv_warp_job){.source = source,
+                                    .buffer = buffer,
+                                    .budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height};
+    work.wide = level == SV_SIMD_AVX2;
+    work.used = used;
+    work.used_stride = ((size_t)source->width + 7) / 8;
+    work.waiting.count = work.quarters.count = 0; /* and nothing more: the rest is large */
     for (int s = 0; s < span_count; s++) {
         const struct sv_relief_span *span = &spans[s];
         for (int column = span->column0 - 1; column < span->column1; column += COLUMNS) {
             int left = span->column1 - column, n = left < COLUMNS ? left : COLUMNS;
-            job.column = column;
-            face_row(facing, source, column - 1, n + 3, span->row0 - 2, front[0]);
-            face_row(facing, source, column - 1, n + 3, span->row0 - 1, front[1]);
-            for (int j = span->row0 - 1; j <= span->row1; j++) {
-                struct sv_warp_row *up = &rows[(j - 1) & 1], *lo = &rows[j & 1];
-                uint32_t solid = load_row(kernel, source, column, n + 1, j, lo);
-                face_row(facing, source, column - 1, n + 3, j + 1, front[2]);
-                drop_averted(front, n + 1, lo);
-                memmove(front[0], front[1], 2 * sizeof front[0]);
-                if (j < span->row0)
-                    continue;
-                stats->texels += solid;
-                job.row = j - 1;
-                job.tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS;
-                job.tag0 += (uint32_t)((j - 1) * source->width + column);
-                draw_cells(kernel, &job, up, lo, n, rims + (size_t)j * stride + (size_t)(column + 1));
-            }
+            splat_strip(&work, span, column, n, facing, rims, k, stats);
         }
     }
-    stats->pixels += job.pixels;
+    if (work.waiting.count > 0)
+        draw_waiting(&work, work.waiting.count);
+    if (work.quarters.count > 0)
+        sv_relief_draw_quarters_avx2(&work.job, &work.quarters, work.quarters.count);
+    stats->pixels += work.job.pixels;
+}
+
+void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint8_t *rims,
+                     const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
+                     int span_count, uint8_t *used, struct sv_warp_buffer *buffer,
+                     struct sv_warp_stats *stats)
+{
+    sv_relief_splat_at(sv_simd_level(), source, k, rims, facing, spans, span_count, used, buffer, stats);
 }

@@ -19,6 +19,8 @@ int sv_relief_object_spans(const struct sv_relief_object *object, int sheet, str
 
 /* rims: what a cell is that must be drawn. */
 enum { SV_RELIEF_CELL_SPARE, SV_RELIEF_CELL_FULL, SV_RELIEF_CELL_RIM };
+/* Bytes that kernels may read past the last of them. */
+enum { SV_RELIEF_RIMS_SLACK = 8 };
 
 /* An eye in the axes of a sheet, and the sheet's normals. */
 struct sv_relief_facing {
@@ -30,9 +32,16 @@ struct sv_relief_facing sv_relief_object_facing(const struct sv_relief_object *o
                                                 struct sv_vec3 eye, bool is_place);
 
 /* As sv_warp_splat, within the spans, of what faces the eye. rims: (width + 1) * (height + 1) bytes, of the
- * cells whose upper left texel is (i - 1, j - 1): CELL_SPARE where it need not be drawn (it may be). */
+ * cells whose upper left texel is (i - 1, j - 1): CELL_SPARE where it need not be drawn (it may be), and
+ * SV_RELIEF_RIMS_SLACK bytes that are anything. used: groups of texels (lighting.h, sv_relief_next_run) whose
+ * colours are seen are set to 1, and some beside them; NULL: not asked for. */
 void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint8_t *rims,
                      const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
-                     int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats);
+                     int span_count, uint8_t *used, struct sv_warp_buffer *buffer,
+                     struct sv_warp_stats *stats);
+
+/* Closes gaps of one or two pixels along a row or a column: the farther of what is beside them goes on into
+ * them. Returns how many pixels. */
+uint32_t sv_relief_close_gaps(struct sv_warp_buffer *buffer);
 
 #endif

@@ -1,16 +1,11 @@
 /* warp_avx2.c - the kernels of warp_splat.c, eight texels or cells at a time. Operation for operation the
- * scalar ones, so that the pictures are equal; pixels that are won are packed into a list first, because the
- * scatter is quick only when nothing else is in its loop. */
+ * scalar ones, so that the pictures are equal. */
 #include <immintrin.h>
 #include <math.h>
 
-#include "core/relief/warp_kernel.h"
+#include "core/relief/warp_list_avx2.h"
 
 #define LANES 8
-/* Pixels that may be listed before the list is emptied, and what one step may add to it. */
-#define LIST 1024
-#define LIST_STEP (LANES * SV_WARP_SMALL * SV_WARP_SMALL)
-
 /* For each mask of eight lanes the chosen ones, packed to the front, a byte each. */
 #define BELOW(m, i) ((m) & ((1 << (i)) - 1))
 #define BITS2(m) (((m)&1) + ((m) >> 1 & 1))
@@ -21,7 +16,7 @@
 #define PACK4(m) PACK(m), PACK((m) + 1), PACK((m) + 2), PACK((m) + 3)
 #define PACK16(m) PACK4(m), PACK4((m) + 4), PACK4((m) + 8), PACK4((m) + 12)
 #define PACK64(m) PACK16(m), PACK16((m) + 16), PACK16((m) + 32), PACK16((m) + 48)
-static const uint64_t pack[256] = {PACK64(0), PACK64(64), PACK64(128), PACK64(192)};
+const uint64_t sv_warp_pack[256] = {PACK64(0), PACK64(64), PACK64(128), PACK64(192)};
 
 static inline __m256 absolute(__m256 x)
 {
@@ -104,25 +99,6 @@ static uint32_t project(const struct sv_warp_line *line, const float *t, const u
     row->min_y = fold(extent.min_y, 0);
     row->max_y = fold(extent.max_y, 1);
     return solid + sv_warp_project_scalar(line, t + i, color + i, n - i, at + i, row);
-}
-
-struct list {
-    int count;
-    uint32_t pixel[LIST + LIST_STEP + LANES], code[LIST + LIST_STEP + LANES];
-    float d[LIST + LIST_STEP + LANES];
-};
-
-static void list_put(struct list *list, struct sv_warp_job *job)
-{
-    struct sv_warp_pixels to = sv_warp_pixels_of(job->buffer);
-    uint32_t pixels = 0, tag0 = job->tag0;
-    int count = list->count;
-    for (int i = 0; i < count; i++) {
-        uint32_t code = list->code[i];
-        pixels += sv_warp_put(to, list->pixel[i], list->d[i], tag0 + (code >> 16), code);
-    }
-    job->pixels += pixels;
-    list->count = 0;
 }
 
 /* Eight cells: corners, and what the scalar version calls quad. */
@@ -227,19 +203,9 @@ static inline __m256i place_of(__m256 s, __m256 r)
     return _mm256_or_si256(u, v);
 }
 
-static inline void list_add(struct list *list, unsigned mask, __m256i pixel, __m256 d, __m256i code)
-{
-    __m256i order = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&pack[mask]));
-    int n = list->count;
-    _mm256_storeu_si256((__m256i *)(list->pixel + n), _mm256_permutevar8x32_epi32(pixel, order));
-    _mm256_storeu_si256((__m256i *)(list->code + n), _mm256_permutevar8x32_epi32(code, order));
-    _mm256_storeu_ps(list->d + n, _mm256_permutevar8x32_ps(d, order));
-    list->count = n + __builtin_popcount(mask);
-}
-
 /* One pixel of each cell's box; column carries place[]'s flag, too. */
 static inline void slot(const struct quads *q, __m256 mask, __m256 s, __m256 r, __m256i pixel, __m256i column,
-                        struct list *list)
+                        struct sv_warp_list *list)
 {
     __m256 least = _mm256_set1_ps(-SV_WARP_EDGE);
     mask = _mm256_and_ps(mask, _mm256_and_ps(in_order(least, s), in_order(s, q->s_max)));
@@ -249,7 +215,7 @@ static inline void slot(const struct quads *q, __m256 mask, __m256 s, __m256 r, 
         return;
     __m256 d = _mm256_add_ps(_mm256_add_ps(q->d0, _mm256_mul_ps(s, q->ds)), _mm256_mul_ps(r, q->dr));
     d = _mm256_min_ps(_mm256_max_ps(d, q->d_min), q->d_max);
-    list_add(list, bits, pixel, d, _mm256_or_si256(column, place_of(s, r)));
+    sv_warp_list_add(list, bits, pixel, d, _mm256_or_si256(column, place_of(s, r)));
 }
 
 static inline __m256 more_than(__m256i count, int k)
@@ -262,7 +228,7 @@ static inline __m256 offset_of(__m256i first, __m256 from)
     return _mm256_sub_ps(_mm256_add_ps(_mm256_cvtepi32_ps(first), _mm256_set1_ps(0.5f)), from);
 }
 
-static inline void quads_draw(const struct quads *q, __m256 fast, int c, int width, struct list *list)
+static inline void quads_draw(const struct quads *q, __m256 fast, int c, int width, struct sv_warp_list *list)
 {
     const __m256i lane = _mm256_setr_epi32(1, 0x10001, 0x20001, 0x30001, 0x40001, 0x50001, 0x60001, 0x70001);
     __m256i column = _mm256_add_epi32(_mm256_set1_epi32(c << 16), lane);
@@ -298,7 +264,7 @@ static inline unsigned there(const float *t)
 static int cells(struct sv_warp_job *job, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
                  uint16_t *slow)
 {
-    struct list list;
+    struct sv_warp_list list;
     __m256 cut = _mm256_set1_ps(job->source->cut);
     int listed = 0;
     list.count = 0; /* and nothing more: the rest is large */
@@ -315,8 +281,8 @@ static int cells(struct sv_warp_job *job, const struct sv_warp_row *up, const st
             __m256 fast = _mm256_and_ps(shown, quads_set(up, lo, c, &q));
             left = (unsigned)_mm256_movemask_ps(_mm256_andnot_ps(fast, shown));
             quads_draw(&q, fast, c, job->buffer->width, &list);
-            if (list.count >= LIST)
-                list_put(&list, job);
+            if (list.count >= SV_WARP_LIST)
+                sv_warp_list_put(&list, job, NULL);
         }
         if (full_bits != 255)
             left |= (there(up->t + c) | there(up->t + c + 1) | there(lo->t + c) | there(lo->t + c + 1)) &
@@ -324,7 +290,7 @@ static int cells(struct sv_warp_job *job, const struct sv_warp_row *up, const st
         for (left &= inside; left; left &= left - 1)
             slow[listed++] = (uint16_t)(c + __builtin_ctz(left));
     }
-    list_put(&list, job);
+    sv_warp_list_put(&list, job, NULL);
     return listed;
 }
 

@@ -145,8 +145,9 @@ static inline struct sv_warp_pixels sv_warp_pixels_of(const struct sv_warp_buffe
     return (struct sv_warp_pixels){buffer->depth, buffer->texel, buffer->place};
 }
 
-/* Larger d wins, then the smaller texel: no order of drawing changes the picture. Depths are 0 or positive,
- * so that their bits are in the order of their values. Returns 1 when the pixel held nothing before. */
+/* Larger d wins, then the smaller texel, then the larger place (one texel's pieces meet at the same depth):
+ * no order of drawing changes the picture. Depths are 0 or positive, so that their bits are in the order of
+ * their values. Returns 1 when the pixel held nothing before. */
 static inline uint32_t sv_warp_put(struct sv_warp_pixels to, size_t p, float d, uint32_t texel,
                                    uint32_t place)
 {
@@ -154,7 +155,7 @@ static inline uint32_t sv_warp_put(struct sv_warp_pixels to, size_t p, float d, 
     int32_t before, now;
     memcpy(&before, &to.depth[p], sizeof before);
     memcpy(&now, &d, sizeof now);
-    if (now < before || (now == before && texel >= held))
+    if (now < before || (now == before && (texel > held || (texel == held && place <= to.place[p]))))
         return 0;
     to.depth[p] = d;
     to.texel[p] = texel;

@@ -1,5 +1,5 @@
 /* warp_resolve_avx2.c - colours of full cells, eight pixels at a time: the same integers as blend_full in
- * warp_resolve.c. What is torn, filled or of another source among the eight goes the plain way. */
+ * warp_resolve.c. What is torn or filled among the eight goes the plain way. */
 #include <immintrin.h>
 
 #include "core/relief/warp_kernel.h"
@@ -59,7 +59,7 @@ static inline __m256i blend8(const struct sv_warp_source *source, __m256i texel,
     return _mm256_permute4x64_epi64(_mm256_packus_epi16(low, high), 0xd8);
 }
 
-/* Eight pixels from p on: those of one source in full cells together, the others one by one. */
+/* Eight pixels from p on: those in full cells together, the others one by one. */
 static inline void resolve8(const struct sv_warp_source *sources, const struct sv_warp_buffer *buffer, int j,
                             int i, uint8_t (*rgba)[4])
 {
@@ -71,19 +71,20 @@ static inline void resolve8(const struct sv_warp_source *sources, const struct s
     if (left == 0)
         return;
     __m256i place = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(buffer->place + p)));
-    unsigned k = buffer->texel[p + (unsigned)__builtin_ctz(left)] >> SV_WARP_TEXEL_BITS;
-    __m256i same =
-        _mm256_cmpeq_epi32(_mm256_srli_epi32(texel, SV_WARP_TEXEL_BITS), _mm256_set1_epi32((int)k));
     __m256i full = _mm256_cmpeq_epi32(_mm256_and_si256(place, one), one);
-    __m256i chosen = _mm256_andnot_si256(nothing, _mm256_and_si256(same, full));
-    unsigned quick = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(chosen));
-    if (quick) {
-        __m256i out = blend8(&sources[k], texel, place, chosen);
-        if (quick == 255)
-            _mm256_storeu_si256((__m256i *)(void *)(rgba + p), out);
-        else
-            _mm256_maskstore_epi32((int *)(void *)(rgba + p), chosen, out);
+    full = _mm256_andnot_si256(nothing, full);
+    __m256i number = _mm256_srli_epi32(texel, SV_WARP_TEXEL_BITS), seen = _mm256_setzero_si256();
+    const unsigned quick = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(full));
+    for (unsigned rest = quick; rest;) { /* source by source: two where faces meet */
+        unsigned k = buffer->texel[p + (unsigned)__builtin_ctz(rest)] >> SV_WARP_TEXEL_BITS;
+        __m256i chosen = _mm256_and_si256(full, _mm256_cmpeq_epi32(number, _mm256_set1_epi32((int)k)));
+        seen = _mm256_blendv_epi8(seen, blend8(&sources[k], texel, place, chosen), chosen);
+        rest &= ~(unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(chosen));
     }
+    if (quick == 255)
+        _mm256_storeu_si256((__m256i *)(void *)(rgba + p), seen);
+    else if (quick)
+        _mm256_maskstore_epi32((int *)(void *)(rgba + p), full, seen);
     for (left &= ~quick; left; left &= left - 1) {
         int at = i + __builtin_ctz(left);
         sv_warp_resolve_run(sources, buffer, j, at, at + 1, rgba);

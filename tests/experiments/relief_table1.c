@@ -6,8 +6,10 @@
  * Two ways: the direct warp (core/relief/object.h, whole frame to RGBA), and the paper's own: two-pass
  * pre-warp of the faces that look towards the eye, then a quad each by OSMesa, with shadows by line sweep and
  * by shadow textures. The six cases take turns frame by frame, so that what else the machine does falls on
- * all alike; medians and minima. OUT.png: three pictures side by side (a, b, c), the direct way above, the
- * paper's below. */
+ * all alike; medians and minima. A frame of the direct warp always comes after one of the paper's way, which
+ * leaves little of it in the caches, and the direct cases change places from frame to frame, so that each
+ * comes after each of the paper's equally often: none finds its data warmer than the others. OUT.png: three
+ * pictures side by side (a, b, c), the direct way above, the paper's below. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -96,6 +98,7 @@ static void frame_direct(struct experiment *x, int form, int frame, uint8_t (*rg
     const struct sv_warp_source *sources;
     unsigned count;
     how.eye = x->camera.eye;
+    how.in_warp = true; /* nothing is kept for another view */
     light_of(frame, &light);
     const struct sv_warp_buffer *last = &x->buffer; /* as of the last frame: nothing else was written */
     for (int j = last->y0; j < last->y1 && last->x0 < last->x1; j++)
@@ -149,7 +152,7 @@ static void frame_paper(struct experiment *x, int form, int frame, uint8_t (*rgb
         sheet[k].solid_count = 0; /* the paper has six textures */
     if (form == 2)
         must(sv_relief_shade_light(x->shade, sheet, gl_frame.light.to_sun, SV_RELIEF_SHADOW_LINE_SWEEP, faces,
-                                   x->lit, &error),
+                                   NULL, x->lit, &error),
              &error);
     must(sv_gl_frame_begin(&gl_frame, &error), &error);
     sv_gl_target_begin(x->target);
@@ -282,6 +285,12 @@ static void write_figure(const struct experiment *x, const char *path)
     printf("%s: (a), (b), (c); the direct warp above, the paper's way below\n", path);
 }
 
+/* Which case has turn 0 .. CASES - 1 of a frame: direct and paper's by turns. */
+static int case_of(int frame, int turn)
+{
+    return turn & 1 ? PICTURES + turn / 2 : (frame + turn / 2) % PICTURES;
+}
+
 /* Each case once, checked: something is drawn, and shadows make it no brighter. */
 static void check(struct experiment *x)
 {
@@ -345,7 +354,8 @@ int main(int argc, char **argv)
     for (int k = 0; k < CLOCKS; k++)
         ms[k] = must_alloc((size_t)frames * sizeof *ms[k]);
     for (int i = 0; i < (int)frames; i++)
-        for (int c = 0; c < CASES; c++) {
+        for (int turn = 0; turn < CASES; turn++) {
+            int c = case_of(i, turn);
             double start[CLOCKS];
             for (int k = 0; k < CLOCKS; k++)
                 start[k] = now_ms(CLOCK[k]);

@@ -365,11 +365,36 @@ static void test_avx2_is_scalar(void **state)
     printf("avx2 against scalar: worst %d level\n", worst);
 }
 
+/* Runs hold all needed texels, in whole groups of eight where the row has as many, and nothing beyond it. */
+static void test_runs(void **state)
+{
+    (void)state;
+    for (int width = 1; width <= 40; width++)
+        for (unsigned mask = 0; mask < 64; mask++) { /* bit 5: all of them */
+            uint8_t groups[5], done[40] = {0};
+            int first = 0, last = 0, runs = 0;
+            for (unsigned k = 0; k < 5; k++)
+                groups[k] = mask >> k & 1;
+            while (sv_relief_next_run(mask & 32 ? NULL : groups, width, &first, &last)) {
+                assert_true(first >= 0 && first < last && last <= width && runs++ < 5);
+                assert_true(width < 8 || (last - first) % 8 == 0);
+                memset(done + first, 1, (size_t)(last - first));
+                first = last; /* as a kernel leaves it */
+            }
+            for (int i = 0; i < width; i++) {
+                bool last_group = width >= 8 && i >= width - 8 && groups[width / 8 < 5 ? width / 8 : 4];
+                bool needed = mask & 32 || groups[i / 8];
+                assert_true(done[i] ? needed || last_group : !needed);
+            }
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_planes), cmocka_unit_test(test_curved),  cmocka_unit_test(test_torn),
-        cmocka_unit_test(test_rule),   cmocka_unit_test(test_light_c), cmocka_unit_test(test_avx2_is_scalar),
+        cmocka_unit_test(test_runs),           cmocka_unit_test(test_planes), cmocka_unit_test(test_curved),
+        cmocka_unit_test(test_torn),           cmocka_unit_test(test_rule),   cmocka_unit_test(test_light_c),
+        cmocka_unit_test(test_avx2_is_scalar),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

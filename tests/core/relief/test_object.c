@@ -13,13 +13,14 @@
 #include <cmocka.h>
 
 #include "core/base/color.h"
+#include "core/base/frames.h"
 #include "core/base/rng.h"
 #include "core/gl/context.h"
 #include "core/relief/object.h"
 #include "core/base/simd.h"
 #include "core/relief/object_lookup.h"
 #include "core/relief/object_shadow.h"
-#include "core/relief/object_splat.h"
+#include "core/relief/object_splat_kernel.h"
 #include "tests/experiments/object_kit.h"
 #include "tests/experiments/object_truth.h"
 
@@ -352,7 +353,8 @@ static void test_shadows(void **state)
                     struct sv_vec3 to_sun = sv_vec3(cos(el) * sin(az), cos(el) * cos(az), sin(el));
                     long judged0 = judged, wrong0 = dark + light;
                     assert_int_equal(sv_relief_shade_light(s.shade, s.sheet, to_sun,
-                                                           (enum sv_relief_shadow_form)form, 63, s.lit, NULL),
+                                                           (enum sv_relief_shadow_form)form, 63, NULL, s.lit,
+                                                           NULL),
                                      SV_OK);
                     judge_shadow(b, &s, to_sun, &judged, &dark, &light);
                     worst =
@@ -663,6 +665,68 @@ static void test_refusals(void **state)
     assert_true(sv_relief_object_faces(&b->object, &PLACE, &camera) <= 63);
 }
 
+/* All sheets of a body as a camera of model space sees them, at one SIMD level. */
+static void splat_all(const struct sv_relief_object *object, const struct sv_camera *camera,
+                      enum sv_simd level, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
+{
+    struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
+    assert_non_null(spans);
+    sv_warp_clear(buffer);
+    for (int k = 0; k < SV_RELIEF_SHEETS; k++) {
+        const struct sv_relief *r = sv_relief_sheet(object, k);
+        int count = sv_relief_object_spans(object, k, camera->eye, true, spans);
+        struct sv_warp_source source = {.width = r->width,
+                                        .height = r->height,
+                                        .t = r->displ,
+                                        .color = (const uint8_t(*)[4])r->color,
+                                        .cut = r->cut};
+        if (count == 0)
+            continue;
+        struct sv_relief_facing facing = sv_relief_object_facing(object, k, camera->eye, true);
+        sv_warp_map_from_camera(&r->frame, camera, 0, 0, &source.map);
+        sv_relief_splat_at(level, &source, (unsigned)k, object->rims[k], &facing, spans, count, NULL, buffer,
+                           stats);
+    }
+    free(spans);
+}
+
+/* Levels draw the same bits, from cells of a tenth of a pixel to cells of fifty, cut by the picture's edges.
+ */
+static void test_levels(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(77, 0);
+    uint64_t pixels = 0;
+    for (int round = 0; round < 60; round++) {
+        const struct sv_relief_object *object = &bodies[round % OBJECT_KIT_COUNT].object;
+        double azimuth = 2 * SV_PI * sv_rng_unit(&rng), elevation = SV_PI * (sv_rng_unit(&rng) - 0.5);
+        double distance = 1.1 * pow(10, sv_rng_unit(&rng));
+        struct sv_camera camera = {.vfov_rad = 0.4, .width = 203, .height = 150, .near_m = 0.01};
+        struct sv_warp_buffer first, other;
+        camera.eye = sv_madd(sv_vec3(0, 0, 0.5), sv_direction(azimuth, elevation), distance);
+        sv_camera_aim(&camera, azimuth + SV_PI, -elevation, 0);
+        assert_int_equal(sv_warp_buffer_create(203, 150, &first, NULL), SV_OK);
+        assert_int_equal(sv_warp_buffer_create(203, 150, &other, NULL), SV_OK);
+        struct sv_warp_stats of_first = {0};
+        splat_all(object, &camera, SV_SIMD_SCALAR, &first, &of_first);
+        for (int level = SV_SIMD_SSE2; level <= (int)sv_simd_level(); level++) {
+            struct sv_warp_stats stats = {0};
+            splat_all(object, &camera, (enum sv_simd)level, &other, &stats);
+            assert_memory_equal(&stats, &of_first, sizeof stats);
+            for (size_t p = 0; p < (size_t)203 * 150; p++) {
+                assert_memory_equal(&first.depth[p], &other.depth[p], sizeof(float));
+                assert_int_equal(first.texel[p], other.texel[p]);
+                assert_true(first.texel[p] == SV_WARP_EMPTY || first.place[p] == other.place[p]);
+            }
+        }
+        pixels += of_first.pixels;
+        sv_warp_buffer_finish(&first);
+        sv_warp_buffer_finish(&other);
+    }
+    printf("levels: the same bits, %llu pixels\n", (unsigned long long)pixels);
+    assert_true(pixels > 100000);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -670,7 +734,7 @@ int main(void)
         cmocka_unit_test(test_store),        cmocka_unit_test(test_obtain),
         cmocka_unit_test(test_shade_height), cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_lookup_avx2),  cmocka_unit_test(test_orbits),
-        cmocka_unit_test(test_shadows),
+        cmocka_unit_test(test_shadows),      cmocka_unit_test(test_levels),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -240,6 +240,7 @@ static void look_at(struct sv_rng *rng, const struct sv_relief_object *object, s
                                              .shininess = extremes_pick(rng, 2) ? 1 : 1000,
                                              .has_viewer = extremes_pick(rng, 2),
                                              .eye = camera.eye,
+                                             .in_warp = extremes_pick(rng, 2),
                                              .taken = sv_rng_unit(rng),
                                              .shade_height_m = extremes_pick(rng, 2) ? -INFINITY : 12.5};
     struct sv_warp_buffer buffer;
