@@ -165,7 +165,8 @@ static void test_sun_and_later_features(void **state)
     v = resolved(&r);
     assert_true(v.plan.raycast && v.plan.shadows && v.plan.samples == 1);
     r.trees = SV_TREES_DENSITY;
-    refused(&r, SV_EUNSUPPORTED, "trees");
+    v = resolved(&r);
+    assert_true(!v.plan.raycast && v.plan.trees == SV_TREES_DENSITY && v.plan.draw_trees);
     r = at(200, 150);
     r.quality = SV_QUALITY_REFERENCE;
     v = resolved(&r);

@@ -97,7 +97,8 @@ static void test_builds_what_may_grow(void **state)
     sv_prepare_wait(prepare); /* again is legal */
     sv_prepare_destroy(prepare);
     assert_int_equal(count(f, "mesh*.svb"), 2);
-    assert_int_equal(count(f, "imp*.svb"), 2);
+    assert_int_equal(count(f, "spr*.svb"), 2);
+    assert_int_equal(count(f, "ladder*.svb"), 2);
     static const struct {
         int species;
         bool kept;
@@ -111,7 +112,7 @@ static void test_builds_what_may_grow(void **state)
         assert_int_equal(
             sv_species_build(&f->spec.species[rows[k].species], f->store, &mesh, &key, NULL, &error), SV_OK);
         assert_int_equal(count(f, "mesh*.svb") == before, rows[k].kept);
-        snprintf(pattern, sizeof pattern, "imp*-%016llx.svb", (unsigned long long)key);
+        snprintf(pattern, sizeof pattern, "spr*-%016llx.svb", (unsigned long long)key);
         assert_int_equal(count(f, pattern), rows[k].kept);
         sv_tree_mesh_finish(&mesh);
     }
@@ -145,7 +146,8 @@ static void test_killed(void **state)
     sv_prepare_wait(prepare);
     sv_prepare_destroy(prepare);
     assert_int_equal(count(f, "mesh*.svb"), 2);
-    assert_int_equal(count(f, "imp*.svb"), 2);
+    assert_int_equal(count(f, "spr*.svb"), 2);
+    assert_int_equal(count(f, "ladder*.svb"), 2);
 }
 
 /* A species that cannot be built does not keep the others from it. */
@@ -161,7 +163,8 @@ static void test_bad_model(void **state)
     free(bad->model);
     bad->model = model;
     assert_int_equal(count(f, "mesh*.svb"), 1);
-    assert_int_equal(count(f, "imp*.svb"), 1);
+    assert_int_equal(count(f, "spr*.svb"), 1);
+    assert_int_equal(count(f, "ladder*.svb"), 1);
 }
 
 /* The scene and its store are as good with children as without. */
