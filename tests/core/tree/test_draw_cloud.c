@@ -360,7 +360,7 @@ static void nothing_is_nothing(void **state)
         struct fixture_look look = fixture_look_at(&view);
         print_message("dead tree as %s: %.0f px covered, %d px tall\n", sv_cloud_form_name((enum sv_cloud_form)form),
                       look.coverage, look.bottom - look.top);
-        assert_true(look.coverage > 500 && look.bottom - look.top > 180);
+        assert_true(look.coverage > 500 && look.bottom - look.top > 170);
         fixture_view_finish(&view);
     }
     sv_cloud_draw_destroy(draw);
