@@ -9,11 +9,11 @@
  * every pair of frames: `change`, the mean absolute difference of 8-bit values, and `tone`, the signed mean of
  * the difference. A tile pops when its change is larger than the truth's own by more than what 4 samples a pixel
  * (leaves have as many) and other sample positions make of a still picture, and ALLOWED; or when its tone moves
- * otherwise than the truth's by more than ALLOWED. What passes by with a fault that stays with it (a shadow that
- * is softer, a crown that is paler) changes otherwise than the truth without a pop, and in proportion to the
- * motion: so ALLOWED is LEVELS, and SHARE of the truth's own change. The truth (16 samples) is cast for every
- * stride-th pair, and for those where the picture's own history shows the largest jumps: `worst` each by largest
- * change, by change over that of the frames before and after, and by tone over theirs.
+ * beyond the truth's, or the other way, by more than ALLOWED. What passes by with a fault that stays with it (a
+ * crown that is paler) changes otherwise than the truth without a pop, and in proportion to the motion: so
+ * ALLOWED is LEVELS, and SHARE of the truth's own change. The truth (16 samples) is cast for every stride-th
+ * pair, and for those where the picture's own history shows the largest jumps: `worst` each by largest change,
+ * by change over that of the frames before and after, and by tone over theirs.
  *
  * FOLDER: motion.csv (every pair), PATH-frames.png (every 10th frame), PATH-worst.png (a row a pair, worst
  * first: ours, ours a frame later, their difference times 4; the same of the truth), and the worst pair's
@@ -58,8 +58,8 @@ struct step {
 struct verdict {
     bool cast;
     double truth_mean, truth_max, floor_mean; /* of change, over tiles */
-    double excess, tone; /* over the tiles the largest of change less truth and floor, and of tone off the
-                            truth's, each less SHARE of the truth's change */
+    double excess, tone; /* over the tiles the largest of change less truth and floor, and of tone beyond
+                            the truth's, each less SHARE of the truth's change */
     int excess_tile, tone_tile;
     bool pops;
 };
@@ -178,6 +178,18 @@ static double tone_between(const struct step *a, const struct step *b)
     return sum / 3;
 }
 
+/* Mean over channels of how far our tone moves beyond the truth's, or the other way: what moves less, shadows
+ * that are softer for one, does not pop. */
+static double tone_beyond(const struct step *ours, const struct step *truth)
+{
+    double sum = 0;
+    for (int c = 0; c < 3; c++) {
+        double o = (double)ours->tone[c], t = (double)truth->tone[c];
+        sum += fabs(o - fmin(fmax(o, fmin(t, 0)), fmax(t, 0)));
+    }
+    return sum / 3;
+}
+
 static const struct step *steps_of(const struct run *run, int pair)
 {
     return run->steps + (size_t)pair * (size_t)run->tiles;
@@ -240,7 +252,7 @@ static void judge(struct run *run, int pair)
         struct step s = step_of(&truth[0], &truth[1], run->across, t);
         struct step floor = step_of(&truth[0], &few, run->across, t);
         const struct step *ours = &steps_of(run, pair)[t];
-        double moved = ALLOWED_SHARE * (double)s.change, tone = tone_between(ours, &s) - moved;
+        double moved = ALLOWED_SHARE * (double)s.change, tone = tone_beyond(ours, &s) - moved;
         double excess = (double)(ours->change - s.change - floor.change) - moved;
         v->truth_mean += (double)s.change / run->tiles;
         v->truth_max = fmax(v->truth_max, (double)s.change);
@@ -352,7 +364,7 @@ static void write_pair(const struct run *run, int pair, struct motion_sheet *she
     int x, y;
     bool by_tone = v->tone > v->excess;
     place_of(run, by_tone ? v->tone_tile : v->excess_tile, &x, &y);
-    printf("  pair %d at %d %d: change over the truth's %.2f, tone off %.2f%s\n", pair, x, y, v->excess, v->tone,
+    printf("  pair %d at %d %d: change over the truth's %.2f, tone beyond %.2f%s\n", pair, x, y, v->excess, v->tone,
            v->pops ? ": POPS" : "");
     if (!run->options->folder)
         return;
@@ -417,7 +429,7 @@ static void summarize(const struct run *run)
             ours += (double)steps_of(run, p)[t].change / run->tiles;
     }
     printf("%s %s: %d pairs against the truth: mean change %.2f (truth %.2f, floor %.2f); most over truth and floor "
-           "%.2f, tone off %.2f, of %.0f allowed; %d pop\n",
+           "%.2f, tone beyond %.2f, of %.0f allowed; %d pop\n",
            paths[run->path].name, sv_trees_name(run->options->form), judged, ours / judged, truth / judged,
            floor / judged, excess, tone, ALLOWED_LEVELS, pops);
 }
@@ -517,7 +529,7 @@ int main(int argc, char **argv)
             return 1;
         }
         fprintf(csv, "path,pair,near_trees,far_trees,change_mean,change_max,x,y,spike_max,x,y,tone_jump_max,x,y,"
-                     "truth_mean,truth_max,floor_mean,excess_max,x,y,tone_off_max,x,y,pops\n");
+                     "truth_mean,truth_max,floor_mean,excess_max,x,y,tone_beyond_max,x,y,pops\n");
     }
     struct forest forest;
     if (o.scene)
