@@ -13,7 +13,8 @@
  * crown that is paler) changes otherwise than the truth without a pop, and in proportion to the motion: so
  * ALLOWED is LEVELS, and SHARE of the truth's own change. The truth (16 samples) is cast for every stride-th
  * pair, and for those where the picture's own history shows the largest jumps: `worst` each by largest change,
- * by change over that of the frames before and after, and by tone over theirs.
+ * by change over that of the frames before and after, and by tone over theirs; and for those where a tree
+ * passes from one form into the other.
  *
  * FOLDER: motion.csv (every pair), PATH-frames.png (every 10th frame), PATH-worst.png (a row a pair, worst
  * first: ours, ours a frame later, their difference times 4; the same of the truth), and the worst pair's
@@ -293,6 +294,17 @@ static void judge_worst(struct run *run, enum measure measure)
     free(done);
 }
 
+/* Pairs between which a tree begins or ends to be drawn leaf by leaf, `worst` times MEASURES of them, evenly. */
+static void judge_forms(struct run *run)
+{
+    int found[FRAMES_MAX], count = 0, most = run->options->worst * MEASURES;
+    for (int p = 0; p < run->options->frames - 1; p++)
+        if (run->stats[p].near_trees != run->stats[p + 1].near_trees)
+            found[count++] = p;
+    for (int k = 0; k < count && k < most; k++)
+        judge(run, found[count <= most ? k : k * count / most]);
+}
+
 static double badness(const struct verdict *v)
 {
     return v->cast ? fmax(v->excess, v->tone) : -1e9;
@@ -444,6 +456,7 @@ static void run_path(const struct options *options, const struct forest *forest,
         judge(&run, p);
     for (int m = 0; m < MEASURES; m++)
         judge_worst(&run, (enum measure)m);
+    judge_forms(&run);
     if (options->folder) {
         write_rows(&run, csv);
         write_frames(&run);
