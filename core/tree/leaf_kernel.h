@@ -74,8 +74,8 @@ struct sv_leaf_thin {
 struct sv_leaf_job {
     const struct sv_leaf_form *form;
     struct sv_leaf_eye eye;
-    struct sv_leaf_thin thin; /* of leaves */
-    struct sv_leaf_thin come; /* of what is not thinned out, while the tree fades in; scale 1 */
+    struct sv_leaf_thin thin;       /* of leaves */
+    struct sv_leaf_thin come;       /* of what is not thinned out, while the tree fades in; scale 1 */
     const struct sv_leaf_map *mask; /* of the material that is being drawn; NULL: all is there */
     float alpha_factor, alpha_cutoff;
     bool card;    /* what is queued: parallelograms; else triangles */

@@ -123,8 +123,8 @@ static inline void enqueue(struct sv_leaf_job *job, int q, unsigned bits, const 
         sv_leaf_avx2.raster(job, q);
 }
 
-static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card, const struct sv_leaf_thin *thin,
-                                 bool orthographic)
+static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card,
+                                 const struct sv_leaf_thin *thin, bool orthographic)
 {
     struct moved moved;
     struct boxes box;

@@ -84,8 +84,8 @@ void sv_leaf_queue_crossing(struct sv_leaf_job *job, const struct sv_leaf_kernel
 }
 
 /* Moves lane `lane` of a block into the picture: P0, E1, E2 as A, B, C. False: thinned out. */
-static bool move_piece(const struct sv_leaf_job *job, uint32_t block, int lane, const struct sv_leaf_thin *thin,
-                       float v[9])
+static bool move_piece(const struct sv_leaf_job *job, uint32_t block, int lane,
+                       const struct sv_leaf_thin *thin, float v[9])
 {
     const struct sv_leaf_block *b = &job->form->blocks[block];
     float k = 1, p[3][3];

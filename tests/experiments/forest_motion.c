@@ -1,20 +1,20 @@
-/* forest_motion.c - does a tree pop when the eye moves? A walk and a flight through a scene, frame by frame: how
- * much each tile of the picture changes from one frame to the next, beside how much the ray-cast truth changes
- * there between the same two frames.
+/* forest_motion.c - does a tree pop when the eye moves? A walk and a flight through a scene, frame by frame:
+ * how much each tile of the picture changes from one frame to the next, beside how much the ray-cast truth
+ * changes there between the same two frames.
  *
  *   forest_motion [--scene FILE] [--trees N] [--frames N] [--size PX] [--form auto] [--rate HZ] [--stride N]
  *                 [--worst N] [--path walk|flight|both] [-o FOLDER]
  *
- * FILE: a scene file; without one the forest of forest_kit.h of N trees. Of every tile of TILE x TILE pixels and
- * every pair of frames: `change`, the mean absolute difference of 8-bit values, and `tone`, the signed mean of
- * the difference. A tile pops when its change is larger than the truth's own by more than what 4 samples a pixel
- * (leaves have as many) and other sample positions make of a still picture, and ALLOWED; or when its tone moves
- * beyond the truth's, or the other way, by more than ALLOWED. What passes by with a fault that stays with it (a
- * crown that is paler) changes otherwise than the truth without a pop, and in proportion to the motion: so
- * ALLOWED is LEVELS, and SHARE of the truth's own change. The truth (16 samples) is cast for every stride-th
- * pair, and for those where the picture's own history shows the largest jumps: `worst` each by largest change,
- * by change over that of the frames before and after, and by tone over theirs; and for those where a tree
- * passes from one form into the other.
+ * FILE: a scene file; without one the forest of forest_kit.h of N trees. Of every tile of TILE x TILE pixels
+ * and every pair of frames: `change`, the mean absolute difference of 8-bit values, and `tone`, the signed
+ * mean of the difference. A tile pops when its change is larger than the truth's own by more than what 4
+ * samples a pixel (leaves have as many) and other sample positions make of a still picture, and ALLOWED; or
+ * when its tone moves beyond the truth's, or the other way, by more than ALLOWED. What passes by with a fault
+ * that stays with it (a crown that is paler) changes otherwise than the truth without a pop, and in
+ * proportion to the motion: so ALLOWED is LEVELS, and SHARE of the truth's own change. The truth (16 samples)
+ * is cast for every stride-th pair, and for those where the picture's own history shows the largest jumps:
+ * `worst` each by largest change, by change over that of the frames before and after, and by tone over
+ * theirs; and for those where a tree passes from one form into the other.
  *
  * FOLDER: motion.csv (every pair), PATH-frames.png (every 10th frame), PATH-worst.png (a row a pair, worst
  * first: ours, ours a frame later, their difference times 4; the same of the truth), and the worst pair's
@@ -220,7 +220,8 @@ static double jump_of(const struct run *run, int pair, enum measure measure, int
     before = last == 0 ? 0 : before;
     after = last == 0 ? 0 : after;
     for (int t = 0; t < run->tiles; t++) {
-        const struct step *s = &steps_of(run, pair)[t], *a = &steps_of(run, before)[t], *b = &steps_of(run, after)[t];
+        const struct step *s = &steps_of(run, pair)[t], *a = &steps_of(run, before)[t],
+                          *b = &steps_of(run, after)[t];
         double jump = (double)s->change;
         if (measure == SPIKE)
             jump -= fmax((double)a->change, (double)b->change);
@@ -294,7 +295,8 @@ static void judge_worst(struct run *run, enum measure measure)
     free(done);
 }
 
-/* Pairs between which a tree begins or ends to be drawn leaf by leaf, `worst` times MEASURES of them, evenly. */
+/* Pairs between which a tree begins or ends to be drawn leaf by leaf, `worst` times MEASURES of them, evenly.
+ */
 static void judge_forms(struct run *run)
 {
     int found[FRAMES_MAX], count = 0, most = run->options->worst * MEASURES;
@@ -335,7 +337,8 @@ static void write_rows(const struct run *run, FILE *csv)
         }
         if (v->cast) {
             place_of(run, v->excess_tile, &x, &y);
-            fprintf(csv, ",%.3f,%.3f,%.3f,%.3f,%d,%d", v->truth_mean, v->truth_max, v->floor_mean, v->excess, x, y);
+            fprintf(csv, ",%.3f,%.3f,%.3f,%.3f,%d,%d", v->truth_mean, v->truth_max, v->floor_mean, v->excess,
+                    x, y);
             place_of(run, v->tone_tile, &x, &y);
             fprintf(csv, ",%.3f,%d,%d,%d\n", v->tone, x, y, v->pops);
         } else {
@@ -376,8 +379,8 @@ static void write_pair(const struct run *run, int pair, struct motion_sheet *she
     int x, y;
     bool by_tone = v->tone > v->excess;
     place_of(run, by_tone ? v->tone_tile : v->excess_tile, &x, &y);
-    printf("  pair %d at %d %d: change over the truth's %.2f, tone beyond %.2f%s\n", pair, x, y, v->excess, v->tone,
-           v->pops ? ": POPS" : "");
+    printf("  pair %d at %d %d: change over the truth's %.2f, tone beyond %.2f%s\n", pair, x, y, v->excess,
+           v->tone, v->pops ? ": POPS" : "");
     if (!run->options->folder)
         return;
     for (int k = 0; k < 2; k++) {
@@ -440,7 +443,8 @@ static void summarize(const struct run *run)
         for (int t = 0; t < run->tiles; t++)
             ours += (double)steps_of(run, p)[t].change / run->tiles;
     }
-    printf("%s %s: %d pairs against the truth: mean change %.2f (truth %.2f, floor %.2f); most over truth and floor "
+    printf("%s %s: %d pairs against the truth: mean change %.2f (truth %.2f, floor %.2f); most over truth "
+           "and floor "
            "%.2f, tone beyond %.2f, of %.0f allowed; %d pop\n",
            paths[run->path].name, sv_trees_name(run->options->form), judged, ours / judged, truth / judged,
            floor / judged, excess, tone, ALLOWED_LEVELS, pops);
@@ -498,7 +502,8 @@ static bool take(const char *key, const char *value, struct options *o)
     const struct {
         const char *key;
         int *value;
-    } numbers[] = {{"--frames", &o->frames}, {"--size", &o->size}, {"--stride", &o->stride}, {"--worst", &o->worst}};
+    } numbers[] = {
+        {"--frames", &o->frames}, {"--size", &o->size}, {"--stride", &o->stride}, {"--worst", &o->worst}};
     for (size_t k = 0; k < sizeof numbers / sizeof *numbers; k++)
         if (strcmp(key, numbers[k].key) == 0) {
             *numbers[k].value = atoi(value);
@@ -520,15 +525,23 @@ static bool take(const char *key, const char *value, struct options *o)
 
 int main(int argc, char **argv)
 {
-    struct options o = {.trees = 20000, .frames = 200, .size = 384, .stride = 20, .worst = 3, .rate_hz = 10,
-                        .form = SV_TREES_AUTO, .wanted = {true, true}};
+    struct options o = {.trees = 20000,
+                        .frames = 200,
+                        .size = 384,
+                        .stride = 20,
+                        .worst = 3,
+                        .rate_hz = 10,
+                        .form = SV_TREES_AUTO,
+                        .wanted = {true, true}};
     bool good = argc % 2 == 1;
     for (int k = 1; k + 1 < argc; k += 2)
         good &= take(argv[k], argv[k + 1], &o);
-    if (!good || o.frames < 2 || o.frames > FRAMES_MAX || o.size < SV_VIEW_SIDE_MIN || o.size > SV_VIEW_SIDE_MAX ||
-        o.stride < 0 || o.worst < 1 || !(o.rate_hz > 0)) {
-        fprintf(stderr, "usage: forest_motion [--scene FILE] [--trees N] [--frames 2..%d] [--size PX] [--form auto]\n"
-                        "  [--rate HZ] [--stride N] [--worst N] [--path walk|flight|both] [-o FOLDER]\n", FRAMES_MAX);
+    if (!good || o.frames < 2 || o.frames > FRAMES_MAX || o.size < SV_VIEW_SIDE_MIN ||
+        o.size > SV_VIEW_SIDE_MAX || o.stride < 0 || o.worst < 1 || !(o.rate_hz > 0)) {
+        fprintf(stderr,
+                "usage: forest_motion [--scene FILE] [--trees N] [--frames 2..%d] [--size PX] [--form auto]\n"
+                "  [--rate HZ] [--stride N] [--worst N] [--path walk|flight|both] [-o FOLDER]\n",
+                FRAMES_MAX);
         return 2;
     }
     FILE *csv = NULL;
@@ -541,8 +554,9 @@ int main(int argc, char **argv)
             perror(path);
             return 1;
         }
-        fprintf(csv, "path,pair,near_trees,far_trees,change_mean,change_max,x,y,spike_max,x,y,tone_jump_max,x,y,"
-                     "truth_mean,truth_max,floor_mean,excess_max,x,y,tone_beyond_max,x,y,pops\n");
+        fprintf(csv,
+                "path,pair,near_trees,far_trees,change_mean,change_max,x,y,spike_max,x,y,tone_jump_max,x,y,"
+                "truth_mean,truth_max,floor_mean,excess_max,x,y,tone_beyond_max,x,y,pops\n");
     }
     struct forest forest;
     if (o.scene)

@@ -58,17 +58,19 @@ void motion_sheet_add(struct motion_sheet *sheet, const struct sv_image *picture
                     for (int c = 0; c < 3; c++)
                         sum[c] += pixel(picture, x, y)[c];
             for (int c = 0; c < 3; c++)
-                cell[4 * ((size_t)j * (size_t)sheet->image.width + (size_t)i) + (size_t)c] = (uint8_t)(sum[c] / count);
+                cell[4 * ((size_t)j * (size_t)sheet->image.width + (size_t)i) + (size_t)c] =
+                    (uint8_t)(sum[c] / count);
         }
 }
 
-void motion_sheet_add_part(struct motion_sheet *sheet, const struct sv_image *picture, int x, int y, int enlarged)
+void motion_sheet_add_part(struct motion_sheet *sheet, const struct sv_image *picture, int x, int y,
+                           int enlarged)
 {
     motion_sheet_add_change(sheet, NULL, picture, x, y, enlarged, 1);
 }
 
-void motion_sheet_add_change(struct motion_sheet *sheet, const struct sv_image *a, const struct sv_image *b, int x,
-                             int y, int enlarged, int gain)
+void motion_sheet_add_change(struct motion_sheet *sheet, const struct sv_image *a, const struct sv_image *b,
+                             int x, int y, int enlarged, int gain)
 {
     uint8_t *cell = next_cell(sheet);
     int width = sheet->cell_width / enlarged, height = sheet->cell_height / enlarged;
