@@ -14,7 +14,7 @@
 #include "core/tree/leaf_splat.h"
 #include "core/tree/sprite.h"
 
-/* From this share of the size where leaves begin on, trees fade: leaves come first, then the sprite goes, so that a crown is never
+/* From this share of the size where leaves begin on, trees fade: leaves come over the sprite, then it goes, so that a crown is never
  * thinner than in either form. */
 static const double FADE_FROM = 0.8;
 
@@ -214,20 +214,47 @@ static enum sv_status draw_sprites(struct sv_tree_draw *draw, const struct sv_gl
                                                   error);
 }
 
+/* Entries first .. last - 1 of the near list. */
 static enum sv_status draw_leaves(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
-                                  const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
-                                  struct sv_error *error)
+                                  const struct sv_tree_draw_options *options, uint32_t first, uint32_t last,
+                                  struct sv_tree_lights lights, struct sv_error *error)
 {
     struct sv_leaf_view view = {frame->camera, frame->light, frame->shift_x_px, frame->shift_y_px};
     struct sv_leaf_splat_trees list = {.trees = draw->forest->trees,
-                                       .entries = draw->near.entries,
-                                       .count = draw->near.count,
-                                       .weight = draw->near.weights,
+                                       .entries = draw->near.entries + first,
+                                       .count = last - first,
+                                       .weight = draw->near.weights + first,
                                        .samples = options->canvas->id || options->canvas->normal ? 1 : options->leaf_samples,
                                        .lights = lights,
                                        .id_first = SV_ID_TREE_FIRST};
     return list.count == 0 ? SV_OK
                            : sv_leaf_splat_draw(draw->leaves, &view, options->canvas, &list, NULL, error);
+}
+
+/* Leaves of several samples are blended over what is behind them, sprites leave no depth: so runs of either
+ * form are drawn farthest first. (In two passes, sprites beyond all leaves and then the others, rims of leaves
+ * showed the sky through the sprites close behind them, all of a sudden when a farther tree came into leaf.) A
+ * tree in both forms: the sprite first, so that gaps between its leaves show it. */
+static enum sv_status draw_by_distance(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
+                                       const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
+                                       struct sv_error *error)
+{
+    const struct sv_cull_entry *near = draw->near.entries, *far = draw->far.entries;
+    uint32_t i = draw->near.count, j = draw->far.count;
+    enum sv_status status = SV_OK;
+    while ((i > 0 || j > 0) && !status) {
+        uint32_t last = j;
+        while (j > 0 && (i == 0 || far[j - 1].key >= near[i - 1].key))
+            j--;
+        status = draw_sprites(draw, frame, options->canvas, j, last, lights, error);
+        if (status)
+            break;
+        last = i;
+        while (i > 0 && (j == 0 || near[i - 1].key > far[j - 1].key))
+            i--;
+        status = draw_leaves(draw, frame, options, i, last, lights, error);
+    }
+    return status;
 }
 
 static enum sv_status draw_canvas(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
@@ -241,16 +268,7 @@ static enum sv_status draw_canvas(struct sv_tree_draw *draw, const struct sv_gl_
     if (status)
         return status;
     choose(draw, &frame->camera, options);
-    /* Leaves of several samples are blended over what is behind them: sprites beyond the farthest of them come
-     * first, the others, hidden by the leaves' depth, after them. */
-    uint32_t farthest = draw->near.count ? draw->near.entries[draw->near.count - 1].key : 0, before = 0;
-    while (before < draw->far.count && draw->far.entries[before].key <= farthest)
-        before++;
-    status = draw_sprites(draw, frame, options->canvas, before, draw->far.count, lights, error);
-    if (!status)
-        status = draw_leaves(draw, frame, options, lights, error);
-    if (!status)
-        status = draw_sprites(draw, frame, options->canvas, 0, before, lights, error);
+    status = draw_by_distance(draw, frame, options, lights, error);
     stats->trees[SV_TREE_FORM_LEAF] = draw->near.count;
     stats->trees[SV_TREE_FORM_COARSE] = draw->far.count;
     return status;

@@ -18,6 +18,7 @@ struct piece {
     uint64_t order; /* material, kind, place along the curve, rank */
     uint32_t corner[4];
     uint32_t leaf; /* NO_VERTEX: not thinned out */
+    float rank;
     uint8_t material;
 };
 
@@ -187,6 +188,12 @@ static void find_leaves(struct builder *b, struct sv_leaf_form *form)
             b->pieces[k].leaf = NO_VERTEX;
 }
 
+static float golden(uint32_t k)
+{
+    double turn = k * GOLDEN;
+    return (float)(turn - floor(turn));
+}
+
 static void rank_leaves(struct builder *b, struct order *order)
 {
     uint32_t n = 0;
@@ -194,10 +201,8 @@ static void rank_leaves(struct builder *b, struct order *order)
         if (b->leaves[v].triangles > 0 && b->leaves[v].triangles <= SV_LEAF_TRIANGLES)
             order[n++] = (struct order){b->leaves[v].code, v};
     qsort(order, n, sizeof *order, by_key);
-    for (uint32_t i = 0; i < n; i++) {
-        double turn = i * GOLDEN;
-        b->leaves[order[i].item].rank = (float)(turn - floor(turn));
-    }
+    for (uint32_t i = 0; i < n; i++)
+        b->leaves[order[i].item].rank = golden(i);
 }
 
 static uint64_t group_of(const struct builder *b, const struct piece *p)
@@ -225,12 +230,11 @@ static void sort_pieces(struct builder *b, struct order *order, struct piece *ou
         while (m < SV_LEAF_CLUSTER && k + m < n && order[k + m].key >> 32 == group)
             m++;
         for (uint32_t i = k; i < k + m; i++) {
-            const struct piece *p = &b->pieces[order[i].item];
-            if (p->leaf != NO_VERTEX)
-                order[i].key = (uint64_t)((double)b->leaves[p->leaf].rank * 0x1p32);
+            struct piece *p = &b->pieces[order[i].item];
+            p->rank = p->leaf != NO_VERTEX ? b->leaves[p->leaf].rank : golden(i);
+            order[i].key = (uint64_t)((double)p->rank * 0x1p32);
         }
-        if (group & 2)
-            qsort(order + k, m, sizeof *order, by_key);
+        qsort(order + k, m, sizeof *order, by_key);
         for (uint32_t i = k; i < k + m; i++) {
             out[i] = b->pieces[order[i].item];
             out[i].order = group;
@@ -284,7 +288,7 @@ static void put_piece(const struct builder *b, const struct piece *p, struct sv_
         block->e2[k][lane] = p2->position[k] - p0->position[k];
         fade->middle[k][lane] = about[k];
     }
-    fade->rank[lane] = p->leaf != NO_VERTEX ? b->leaves[p->leaf].rank : -1;
+    fade->rank[lane] = p->rank;
     put_record(v, p, &form->records[at]);
     form->material[at] = p->material;
 }

@@ -6,7 +6,8 @@
  * larger leafy sheets, and wood, are not thinned out. Pieces are sorted by material and kind, then along a
  * Morton curve of their leaves' middles, cut into clusters, and inside a cluster by rank: the order in which
  * leaves come and go as a tree is thinned out (the first ones stay longest). Ranks are a golden-ratio
- * sequence along the curve, so that every part of the crown thins out evenly. */
+ * sequence along the curve, so that every part of the crown thins out evenly. What is not thinned out has ranks
+ * piece by piece, in which it comes while a tree fades in. */
 #ifndef SV_TREE_LEAF_FORM_H
 #define SV_TREE_LEAF_FORM_H
 
@@ -21,8 +22,8 @@ struct sv_leaf_block {
 
 /* What thinning out needs of them. */
 struct sv_leaf_fade {
-    float middle[3][SV_LEAF_LANES]; /* of the piece's leaf: about which it grows */
-    float rank[SV_LEAF_LANES];      /* 0..1; the leaf is there at fractions above it */
+    float middle[3][SV_LEAF_LANES]; /* of the piece's leaf, or of itself: about which it grows */
+    float rank[SV_LEAF_LANES];      /* 0..1; the piece is there at fractions above it */
 };
 
 struct sv_leaf_cluster {

@@ -74,7 +74,8 @@ struct sv_leaf_thin {
 struct sv_leaf_job {
     const struct sv_leaf_form *form;
     struct sv_leaf_eye eye;
-    struct sv_leaf_thin thin;
+    struct sv_leaf_thin thin;       /* of leaves */
+    struct sv_leaf_thin come;       /* of what is not thinned out, while the tree fades in; scale 1 */
     const struct sv_leaf_map *mask; /* of the material that is being drawn; NULL: all is there */
     float alpha_factor, alpha_cutoff;
     bool card;    /* what is queued: parallelograms; else triangles */
@@ -152,10 +153,18 @@ static inline float sv_leaf_max(float a, float b)
     return a > b ? a : b;
 }
 
-/* Whether leaves of the cluster are left out or grow. */
-static inline bool sv_leaf_thins(const struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster)
+static inline const struct sv_leaf_thin *sv_leaf_thin_of(const struct sv_leaf_job *job,
+                                                         const struct sv_leaf_cluster *cluster)
 {
-    return cluster->thins && !(job->thin.upto >= 1 + job->thin.window && job->thin.scale == 1);
+    return cluster->thins ? &job->thin : &job->come;
+}
+
+/* Whether pieces of the cluster are left out or grow; NULL: all are there as they are. */
+static inline const struct sv_leaf_thin *sv_leaf_thins(const struct sv_leaf_job *job,
+                                                       const struct sv_leaf_cluster *cluster)
+{
+    const struct sv_leaf_thin *thin = sv_leaf_thin_of(job, cluster);
+    return thin->upto >= 1 + thin->window && thin->scale == 1 ? NULL : thin;
 }
 
 /* Texture coordinate -> texels from the first one's centre; NaN and infinity: 0 (core/truth/texture.c). */

@@ -16,7 +16,8 @@ static inline __m256 row_of(const float m[4], const __m256 p[3])
 }
 
 /* Returns the lanes that are not thinned out. */
-static inline __m256 move_block(const struct sv_leaf_job *job, uint32_t at, bool thins, struct moved *out)
+static inline __m256 move_block(const struct sv_leaf_job *job, uint32_t at, const struct sv_leaf_thin *thin,
+                                struct moved *out)
 {
     const struct sv_leaf_block *b = &job->form->blocks[at];
     __m256 p[3][3], there = _mm256_castsi256_ps(_mm256_set1_epi32(-1));
@@ -25,12 +26,12 @@ static inline __m256 move_block(const struct sv_leaf_job *job, uint32_t at, bool
         p[1][c] = _mm256_load_ps(b->e1[c]);
         p[2][c] = _mm256_load_ps(b->e2[c]);
     }
-    if (thins) {
+    if (thin) {
         const struct sv_leaf_fade *fade = &job->form->fades[at];
         __m256 growth =
-            _mm256_div_ps(sub(splat(job->thin.upto), _mm256_load_ps(fade->rank)), splat(job->thin.window));
+            _mm256_div_ps(sub(splat(thin->upto), _mm256_load_ps(fade->rank)), splat(thin->window));
         there = _mm256_cmp_ps(growth, _mm256_setzero_ps(), _CMP_GT_OQ);
-        __m256 k = mul(splat(job->thin.scale), _mm256_sqrt_ps(_mm256_min_ps(growth, splat(1))));
+        __m256 k = mul(splat(thin->scale), _mm256_sqrt_ps(_mm256_min_ps(growth, splat(1))));
         for (int c = 0; c < 3; c++) {
             __m256 middle = _mm256_load_ps(fade->middle[c]);
             p[0][c] = add(middle, mul(k, sub(p[0][c], middle)));
@@ -122,12 +123,12 @@ static inline void enqueue(struct sv_leaf_job *job, int q, unsigned bits, const 
         sv_leaf_avx2.raster(job, q);
 }
 
-static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card, bool thins,
-                                 bool orthographic)
+static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card,
+                                 const struct sv_leaf_thin *thin, bool orthographic)
 {
     struct moved moved;
     struct boxes box;
-    __m256 there = move_block(job, at, thins, &moved), least, most;
+    __m256 there = move_block(job, at, thin, &moved), least, most;
     extent(&moved, card, orthographic, &box, &least, &most);
     if (!orthographic) {
         __m256 near_m = splat(job->eye.near_m), behind = _mm256_cmp_ps(least, near_m, _CMP_LT_OQ);
@@ -154,24 +155,25 @@ static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card
 }
 
 static inline void project_blocks(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster, bool card,
-                                  bool thins, bool orthographic)
+                                  const struct sv_leaf_thin *thin, bool orthographic)
 {
     for (uint32_t b = cluster->block; b < cluster->block + cluster->block_count; b++) {
-        if (thins && job->form->fades[b].rank[0] >= job->thin.upto)
+        if (thin && job->form->fades[b].rank[0] >= thin->upto)
             return;
-        project_block(job, b, card, thins, orthographic);
+        project_block(job, b, card, thin, orthographic);
     }
 }
 
 void sv_leaf_project_avx2(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster)
 {
-    bool thins = sv_leaf_thins(job, cluster), card = cluster->card;
+    const struct sv_leaf_thin *thin = sv_leaf_thins(job, cluster);
+    bool card = cluster->card;
     if (job->eye.orthographic)
-        project_blocks(job, cluster, card, thins, true);
-    else if (card && thins)
-        project_blocks(job, cluster, true, true, false);
+        project_blocks(job, cluster, card, thin, true);
+    else if (card && thin)
+        project_blocks(job, cluster, true, thin, false);
     else if (card)
-        project_blocks(job, cluster, true, false, false);
+        project_blocks(job, cluster, true, NULL, false);
     else
-        project_blocks(job, cluster, false, thins, false);
+        project_blocks(job, cluster, false, thin, false);
 }

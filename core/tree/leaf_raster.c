@@ -84,21 +84,22 @@ void sv_leaf_queue_crossing(struct sv_leaf_job *job, const struct sv_leaf_kernel
 }
 
 /* Moves lane `lane` of a block into the picture: P0, E1, E2 as A, B, C. False: thinned out. */
-static bool move_piece(const struct sv_leaf_job *job, uint32_t block, int lane, bool thins, float v[9])
+static bool move_piece(const struct sv_leaf_job *job, uint32_t block, int lane,
+                       const struct sv_leaf_thin *thin, float v[9])
 {
     const struct sv_leaf_block *b = &job->form->blocks[block];
     float k = 1, p[3][3];
-    if (thins) {
-        float growth = (job->thin.upto - job->form->fades[block].rank[lane]) / job->thin.window;
+    if (thin) {
+        float growth = (thin->upto - job->form->fades[block].rank[lane]) / thin->window;
         if (!(growth > 0))
             return false;
-        k = job->thin.scale * sqrtf(sv_leaf_min(growth, 1));
+        k = thin->scale * sqrtf(sv_leaf_min(growth, 1));
     }
     for (int c = 0; c < 3; c++) {
         p[0][c] = b->p0[c][lane];
         p[1][c] = b->e1[c][lane];
         p[2][c] = b->e2[c][lane];
-        if (!thins)
+        if (!thin)
             continue;
         float middle = job->form->fades[block].middle[c][lane];
         p[0][c] = middle + k * (p[0][c] - middle);
@@ -145,13 +146,13 @@ static void project_piece(struct sv_leaf_job *job, const float v[9], bool card, 
 
 static void project(struct sv_leaf_job *job, const struct sv_leaf_cluster *cluster)
 {
-    bool thins = sv_leaf_thins(job, cluster);
+    const struct sv_leaf_thin *thin = sv_leaf_thins(job, cluster);
     for (uint32_t b = cluster->block; b < cluster->block + cluster->block_count; b++) {
-        if (thins && job->form->fades[b].rank[0] >= job->thin.upto)
+        if (thin && job->form->fades[b].rank[0] >= thin->upto)
             return; /* and so do all that follow */
         for (int lane = 0; lane < SV_LEAF_LANES; lane++) {
             float v[9];
-            if (move_piece(job, b, lane, thins, v))
+            if (move_piece(job, b, lane, thin, v))
                 project_piece(job, v, cluster->card, b * SV_LEAF_LANES + (uint32_t)lane);
         }
     }

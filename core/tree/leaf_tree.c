@@ -44,7 +44,7 @@ static float share_of(float v)
 
 /* False: nothing of the tree is there. */
 static bool set_thin(const struct sv_leaf_pass *pass, const struct sv_leaf_splat *splat, uint32_t entry,
-                     struct sv_leaf_thin *thin)
+                     struct sv_leaf_job *job)
 {
     const struct sv_leaf_splat_trees *o = pass->trees;
     float f = o->fraction ? share_of(o->fraction[entry])
@@ -52,7 +52,8 @@ static bool set_thin(const struct sv_leaf_pass *pass, const struct sv_leaf_splat
     float weight = o->weight ? share_of(o->weight[entry]) : 1;
     if (!(f > 0) || !(weight > 0))
         return false;
-    *thin = (struct sv_leaf_thin){rank_of_share(f * weight), WINDOW, f < 1 ? 1 / sqrtf(f) : 1};
+    job->thin = (struct sv_leaf_thin){rank_of_share(f * weight), WINDOW, f < 1 ? 1 / sqrtf(f) : 1};
+    job->come = (struct sv_leaf_thin){rank_of_share(weight), WINDOW, 1};
     return true;
 }
 
@@ -182,7 +183,7 @@ static bool see_cluster(const struct sv_leaf_pass *pass, const struct sv_leaf_jo
                         const struct sv_leaf_cluster *cluster, struct sv_leaf_seen_cluster *seen)
 {
     const struct sv_leaf_eye *eye = &job->eye;
-    float scale = sv_leaf_thins(job, cluster) ? fmaxf(job->thin.scale, 1) : 1;
+    float scale = fmaxf(sv_leaf_thin_of(job, cluster)->scale, 1);
     double r = (double)pass->tree->height_m * (double)(cluster->radius + scale * cluster->reach);
     double z = (double)at(eye->m[2], cluster->middle);
     double a = (double)at(eye->m[0], cluster->middle), b = (double)at(eye->m[1], cluster->middle);
@@ -412,7 +413,7 @@ enum sv_status sv_leaf_draw_tree(struct sv_leaf_splat *splat, struct sv_leaf_pas
             return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u clusters", s->form.cluster_count);
         splat->list_room = s->form.cluster_count + 1;
     }
-    if (!set_thin(pass, splat, entry, &job->thin))
+    if (!set_thin(pass, splat, entry, job))
         return SV_OK;
     set_eye(pass, &job->eye);
     pass->i0 = pass->j0 = 1 << 20;

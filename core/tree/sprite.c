@@ -5,6 +5,7 @@
  * memory. */
 #include "core/tree/sprite.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -220,9 +221,11 @@ static struct sv_sprite_frame_view view_of(const struct sv_sprite_view *view)
         .air_length_m = view->light->air ? view->light->air_length_m : 0};
 }
 
-static struct sv_sprite_light light_of(const struct sv_light *light)
+static struct sv_sprite_light light_of(const struct sv_sprite_view *view)
 {
-    struct sv_sprite_light out;
+    const struct sv_light *light = view->light;
+    bool orthographic = view->camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
+    struct sv_sprite_light out = {.near_z = orthographic ? FLT_MIN : (float)view->camera->near_m};
     for (int c = 0; c < 3; c++) {
         out.sun_rgb[c] = light->sun_rgb[c] * SV_LIGHT_EXPOSURE;
         out.sky_rgb[c] = light->sky_rgb[c] * SV_LIGHT_EXPOSURE;
@@ -447,7 +450,7 @@ enum sv_status sv_sprite_draw_trees(struct sv_sprite_draw *draw, const struct sv
                       .view = view,
                       .canvas = canvas,
                       .seen = view_of(view),
-                      .light = light_of(view->light),
+                      .light = light_of(view),
                       .hard = canvas->id || canvas->normal,
                       .columns = (canvas->width + SV_SPRITE_TILE - 1) / SV_SPRITE_TILE};
     int end = canvas->row_first + canvas->row_count;

@@ -113,7 +113,7 @@ static void show(const struct sv_sprite_light *light, const struct sv_sprite *s,
     struct place p = locate(s, x, y);
     out->z = p.z;
     out->alpha = 0;
-    if (!(p.z > 0 && p.z <= limit_z))
+    if (!(p.z >= light->near_z && p.z <= limit_z))
         return;
     float u = clamp(p.u, 0, s->u_max), v = clamp(p.v, 0, s->v_max);
     int i = (int)(u + 0.5f), j = (int)(v + 0.5f);

@@ -214,7 +214,8 @@ static inline bool show(const struct sv_sprite_light *light, const struct sv_spr
 {
     const V none = _mm256_setzero_ps(), half = set(0.5f);
     struct place p = locate(s, x, y);
-    V seen = _mm256_and_ps(_mm256_cmp_ps(p.z, none, _CMP_GT_OQ), _mm256_cmp_ps(p.z, limit_z, _CMP_LE_OQ));
+    V seen = _mm256_and_ps(_mm256_cmp_ps(p.z, set(light->near_z), _CMP_GE_OQ),
+                           _mm256_cmp_ps(p.z, limit_z, _CMP_LE_OQ));
     V u = clamp(p.u, none, set(s->u_max)), v = clamp(p.v, none, set(s->v_max));
     seen = _mm256_and_ps(seen, in_block(s, u, v));
     if (_mm256_movemask_ps(seen) == 0)

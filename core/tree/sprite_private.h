@@ -60,6 +60,7 @@ struct sv_sprite_tree {
 /* What is the same for all trees of a view. */
 struct sv_sprite_light {
     float sun_rgb[3], sky_rgb[3], ground_rgb[3], air_rgb[3]; /* the first three times SV_LIGHT_EXPOSURE */
+    float near_z;                                            /* > 0: nothing nearer is drawn, m */
 };
 
 enum { SV_SPRITE_TILE_PIXELS = SV_SPRITE_TILE * SV_SPRITE_TILE };

@@ -90,8 +90,9 @@ void sv_sprite_hard_store(const struct sv_canvas *canvas, const struct sv_camera
                    at = sv_canvas_at(canvas, state->x0 + i, state->y0 + j);
             if (!(hard->z[k] > 0))
                 continue;
-            canvas->depth[at] =
-                orthographic ? 1 - hard->z[k] / (float)camera->far_m : (float)camera->near_m / hard->z[k];
+            /* A mean over pictures: none is nearer than the near plane, the mean but for rounding. */
+            canvas->depth[at] = orthographic ? 1 - hard->z[k] / (float)camera->far_m
+                                             : fminf((float)camera->near_m / hard->z[k], 1);
             if (canvas->id)
                 canvas->id[at] = hard->id[k];
             for (int c = 0; canvas->normal && c < 3; c++)

@@ -57,7 +57,8 @@ double forest_median(double *values, int count)
     return count & 1 ? values[count / 2] : 0.5 * (values[count / 2 - 1] + values[count / 2]);
 }
 
-void forest_open(uint32_t count, bool truth, struct forest *forest)
+/* Reads the file at path, or parses text. */
+static void open_scene(const char *path, const char *text, size_t bytes, bool truth, struct forest *forest)
 {
     struct sv_error error = {0};
     struct sv_errors errors = {0};
@@ -66,13 +67,9 @@ void forest_open(uint32_t count, bool truth, struct forest *forest)
     const char *folder = getenv("SILVISTA_CACHE_DIR");
     if (folder && sv_store_open(folder, (uint64_t)8 << 30, &forest->store, &error) != SV_OK)
         forest->store = NULL;
-    char text[4096];
-    /* A million trees stand a metre apart at the mean: closer than the spacing that suits 45,000. */
-    double spacing = fmin(2, 0.4 * sqrt((double)FOREST_SIDE_M * FOREST_SIDE_M / fmax(count, 1)));
-    int bytes = snprintf(text, sizeof text, SCENE, FOREST_SIDE_M, count, spacing);
     struct sv_scene_spec spec;
     struct sv_scene_options options = {.store = forest->store};
-    if (sv_scene_spec_parse(text, (size_t)bytes, "forest.json", &spec, &errors) ||
+    if ((text ? sv_scene_spec_parse(text, bytes, path, &spec, &errors) : sv_scene_spec_read(path, &spec, &errors)) ||
         sv_scene_load(&spec, &options, &forest->scene, &errors)) {
         for (size_t k = 0; k < errors.count; k++)
             fprintf(stderr, "%s: %s\n", errors.items[k].field, errors.items[k].message);
@@ -83,6 +80,20 @@ void forest_open(uint32_t count, bool truth, struct forest *forest)
         die("renderer", &error);
 }
 
+void forest_open(uint32_t count, bool truth, struct forest *forest)
+{
+    char text[4096];
+    /* A million trees stand a metre apart at the mean: closer than the spacing that suits 45,000. */
+    double spacing = fmin(2, 0.4 * sqrt((double)FOREST_SIDE_M * FOREST_SIDE_M / fmax(count, 1)));
+    int bytes = snprintf(text, sizeof text, SCENE, FOREST_SIDE_M, count, spacing);
+    open_scene("forest.json", text, (size_t)bytes, truth, forest);
+}
+
+void forest_open_file(const char *path, bool truth, struct forest *forest)
+{
+    open_scene(path, NULL, 0, truth, forest);
+}
+
 void forest_close(struct forest *forest)
 {
     sv_renderer_destroy(forest->renderer);
@@ -90,12 +101,11 @@ void forest_close(struct forest *forest)
     sv_store_close(forest->store);
 }
 
-/* Whether a walker's eye at (x, y) is farther than a metre from every stem. */
-static bool is_free(const struct forest *forest, double x, double y)
+bool forest_is_free(const struct forest *forest, double x, double y, double clear_m)
 {
     for (uint32_t k = 0; k < forest->scene->forest.count; k++) {
         const struct sv_tree *tree = &forest->scene->forest.trees[k];
-        if (hypot(tree->x - x, tree->y - y) < 1)
+        if (hypot(tree->x - x, tree->y - y) < clear_m)
             return false;
     }
     return true;
@@ -112,7 +122,7 @@ struct sv_view_request forest_request(const struct forest *forest, enum forest_e
         /* Eyes in the inner part: some hundred metres of forest in every direction. */
         r.eye.x = f->x0 + sv_rng_range(&rng, 0.2, 0.8) * FOREST_SIDE_M;
         r.eye.y = f->y0 + sv_rng_range(&rng, 0.2, 0.8) * FOREST_SIDE_M;
-    } while (kind == FOREST_WALK && !is_free(forest, r.eye.x, r.eye.y));
+    } while (kind == FOREST_WALK && !forest_is_free(forest, r.eye.x, r.eye.y, 1));
     r.eye.agl = kind == FOREST_WALK ? 1.7 : sv_rng_range(&rng, 30, 60);
     double cx = f->x0 + 0.5 * FOREST_SIDE_M, cy = f->y0 + 0.5 * FOREST_SIDE_M;
     double spread = sv_rng_range(&rng, -SV_PI / 3, SV_PI / 3);
@@ -170,11 +180,19 @@ static uint64_t truth_key(const struct forest *forest, const struct sv_resolved_
 
 void forest_truth(const struct forest *forest, const struct sv_view_request *request, struct sv_image *color)
 {
+    forest_truth_of(forest, request, 64, color);
+}
+
+void forest_truth_of(const struct forest *forest, const struct sv_view_request *request, int samples,
+                     struct sv_image *color)
+{
     struct sv_error error = {0};
+    char kind[16];
+    snprintf(kind, sizeof kind, "truth%d", samples);
     struct sv_view_request r = *request;
     r.quality = SV_QUALITY_REFERENCE;
     r.trees = SV_TREES_AUTO;
-    r.samples = 64;
+    r.samples = samples;
     struct sv_resolved_view view;
     resolve(forest, &r, &view);
     uint64_t key = truth_key(forest, &view);
@@ -182,7 +200,7 @@ void forest_truth(const struct forest *forest, const struct sv_view_request *req
     size_t bytes, size = (size_t)r.width * (size_t)r.height * 4;
     if (sv_image_alloc(r.width, r.height, 4, SV_PIXEL_U8, color, &error))
         die("truth", &error);
-    if (sv_store_get(forest->store, "truth64", key, &data, &bytes, &error) == SV_OK) {
+    if (sv_store_get(forest->store, kind, key, &data, &bytes, &error) == SV_OK) {
         if (bytes == size) {
             memcpy(color->data, data, size);
             free(data);
@@ -194,7 +212,7 @@ void forest_truth(const struct forest *forest, const struct sv_view_request *req
     struct sv_picture picture;
     forest_draw(forest, &r, &picture, NULL, NULL, NULL);
     *color = picture.layer[SV_LAYER_COLOR];
-    sv_store_put(forest->store, "truth64", key, color->data, size, &error);
+    sv_store_put(forest->store, kind, key, color->data, size, &error);
 }
 
 struct sv_compare_result forest_compare(const struct sv_image *picture, const struct sv_image *truth)

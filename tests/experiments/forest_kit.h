@@ -19,6 +19,8 @@ struct forest {
 
 /* count trees; truth: the ray-cast structures are built, too. */
 void forest_open(uint32_t count, bool truth, struct forest *forest);
+/* Another scene, of a file (scene_file.h), in place of that forest. */
+void forest_open_file(const char *path, bool truth, struct forest *forest);
 void forest_close(struct forest *forest);
 
 /* Eye number k of a kind, as a request of the wire contract's defaults (color, 512 x 512 unless changed):
@@ -32,8 +34,13 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
                  struct sv_draw_stats *stats, double *ms, double *cpu_ms);
 /* The colour of 64 samples a pixel, ray cast; kept in the store by scene, camera and sun. */
 void forest_truth(const struct forest *forest, const struct sv_view_request *request, struct sv_image *color);
+/* The same of 1, 4, 16 or 64 samples: each count has positions of its own (camera.h). */
+void forest_truth_of(const struct forest *forest, const struct sv_view_request *request, int samples,
+                     struct sv_image *color);
 /* Errors of a colour picture against a truth. */
 struct sv_compare_result forest_compare(const struct sv_image *picture, const struct sv_image *truth);
+/* Whether an eye at (x, y) is farther than clear_m from every stem. */
+bool forest_is_free(const struct forest *forest, double x, double y, double clear_m);
 /* Writes a colour picture as a PNG. */
 void forest_save(const struct sv_image *image, const char *path);
 

@@ -325,7 +325,8 @@ static void test_weights(void **state)
         struct sv_canvas now = drawn(&b, 1, (float)w / 8, 1);
         long lost = 0;
         for (int k = 0; k < SIDE * SIDE; k++)
-            lost += now.depth[k] < last.depth[k];
+            lost += now.depth[k] < last.depth[k] * (1 - 1e-5f); /* a grown piece lies in the same plane */
+        printf("weight %d / 8: %ld of %ld pixels lost\n", w, lost, pixels_of(&now));
         assert_true((double)lost < 0.04 * (double)pixels_of(&now));
         assert_true(w == 1 || pixels_of(&now) > pixels_of(&last));
         leaf_canvas_finish(&last);
