@@ -5,8 +5,8 @@
  * space: light, eye and height are brought there once, which spares six frames and any large number.
  *
  * What is warped is the kept texels only (sv_relief_object_choose): the look's own copy of the colours has
- * alpha 0 everywhere else. Light in the warp (options.in_warp): splat, which notes the groups of texels that
- * it shows -> light of those -> fill. */
+ * alpha 0 everywhere else. Light in the warp (options.in_warp): splat, fill -> the groups of texels
+ * that pixels show (object_seen.c) -> light of those. */
 #include "core/relief/object.h"
 
 #include <stdlib.h>
@@ -27,8 +27,9 @@ struct sv_relief_look {
     const uint8_t (*color[SHEETS])[4]; /* what the last call of _light made: seen or albedo */
     struct sv_relief_shade *shade;
     struct sv_warp_source source[SHEETS];
-    struct sv_relief_span *spans;       /* room */
-    uint8_t *used[SHEETS], *used_block; /* groups of texels that the last warp shows */
+    struct sv_relief_span *spans; /* room */
+    /* What the last warp shows: groups of texels, cells (object_splat.h). */
+    uint8_t *used[SHEETS], *cell[SHEETS], *used_block;
     /* Light that waits for a warp. */
     bool in_warp;
     struct sv_relief_place place;
@@ -45,6 +46,11 @@ static size_t texels_of(const struct sv_relief *face)
 static size_t groups_of(const struct sv_relief *face)
 {
     return ((size_t)face->width + 7) / 8 * (size_t)face->height;
+}
+
+static size_t cells_of(const struct sv_relief *face)
+{
+    return SV_RELIEF_SEEN_ROOM(face->width, face->height);
 }
 
 static void borrow_faces(struct sv_relief_look *look)
@@ -74,14 +80,14 @@ static void borrow_faces(struct sv_relief_look *look)
 enum sv_status sv_relief_look_create(const struct sv_relief_object *object, struct sv_relief_look **look,
                                      struct sv_error *error)
 {
-    size_t texels = 0, groups = 0;
+    size_t texels = 0, seen = 0;
     for (int k = 0; k < SHEETS; k++) {
         texels += texels_of(sv_relief_sheet(object, k));
-        groups += groups_of(sv_relief_sheet(object, k));
+        seen += groups_of(sv_relief_sheet(object, k)) + cells_of(sv_relief_sheet(object, k));
     }
     struct sv_relief_look *made = calloc(1, sizeof *made);
     struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
-    uint8_t *used = malloc(groups);
+    uint8_t *used = malloc(seen);
     void *block = calloc(texels, 9);
     if (!made || !block || !spans || !used) {
         free(made);
@@ -95,6 +101,8 @@ enum sv_status sv_relief_look_create(const struct sv_relief_object *object, stru
     for (int k = 0; k < SHEETS; k++) {
         made->used[k] = used;
         used += groups_of(&made->face[k]);
+        made->cell[k] = used + made->face[k].width + 1;
+        used += cells_of(&made->face[k]);
     }
     enum sv_status status = sv_relief_shade_create(object, &made->shade, error);
     if (status == SV_OK)
@@ -263,6 +271,26 @@ static void make_source(const struct sv_relief_look *look, int k, const struct s
         source->map.m[row][2] *= place->height_m;
 }
 
+/* Lights what the picture in `buffer` shows of its sources, each a sheet. */
+static enum sv_status light_seen(struct sv_relief_look *look, unsigned faces,
+                                 const struct sv_warp_buffer *buffer, const int *sheet, unsigned count,
+                                 struct sv_error *error)
+{
+    const uint8_t *groups[SHEETS] = {NULL};
+    struct sv_relief_seen seen;
+    for (unsigned i = 0; i < count; i++) {
+        seen.width[i] = look->face[sheet[i]].width;
+        seen.height[i] = look->face[sheet[i]].height;
+        seen.cell[i] = look->cell[sheet[i]];
+        seen.group[i] = look->used[sheet[i]];
+    }
+    uint32_t shown = sv_relief_find_seen(buffer, &seen, count);
+    for (unsigned i = 0; i < count; i++)
+        if (shown >> i & 1)
+            groups[sheet[i]] = look->used[sheet[i]];
+    return light_sheets(look, faces, groups, error);
+}
+
 enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_relief_place *place,
                                    const struct sv_camera *camera, double shift_x_px, double shift_y_px,
                                    unsigned faces, struct sv_warp_buffer *buffer,
@@ -273,7 +301,6 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
     if (status != SV_OK)
         return status;
     unsigned count = 0;
-    const uint8_t *groups[SHEETS] = {NULL};
     int sheet[SHEETS];
     struct sv_vec3 eye = eye_of(place, camera);
     sv_warp_clear(buffer);
@@ -288,21 +315,17 @@ enum sv_status sv_relief_look_warp(struct sv_relief_look *look, const struct sv_
             continue;
         make_source(look, k, place, camera, shift_x_px, shift_y_px, source);
         struct sv_relief_facing facing = sv_relief_object_facing(look->object, k, eye, is_place);
-        groups[k] = look->used[k];
         sheet[count] = k;
-        if (look->in_warp)
-            memset(look->used[k], 0, groups_of(&look->face[k]));
-        sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned,
-                        look->in_warp ? look->used[k] : NULL, buffer, stats);
+        sv_relief_splat(source, count++, look->object->rims[k], &facing, spans, spanned, buffer, stats);
     }
+    stats->holes += sv_relief_close_gaps(buffer);
     if (look->in_warp)
-        status = light_sheets(look, faces, groups, error);
+        status = light_seen(look, faces, buffer, sheet, count, error);
     if (status != SV_OK)
         return status;
     for (unsigned i = 0; i < count;
          i++) /* the splat asks for alpha alone, which is the same in all of them */
         look->source[i].color = look->color[sheet[i]];
-    stats->holes += sv_relief_close_gaps(buffer);
     *sources = look->source;
     *source_count = count;
     return SV_OK;

@@ -23,11 +23,18 @@ static inline __m256 load_part(const int16_t *part)
     return _mm256_cvtepi32_ps(_mm256_cvtepi16_epi32(_mm_loadu_si128((const __m128i *)(const void *)part)));
 }
 
-/* One of two neighbours in the map: its weight where d passes it, else 0. */
-static inline __m256 weigh(const float *depth, __m256i index, __m256 in, __m256 d, __m256 weight)
+/* Weight that passes in one row of the map: entries index and index + 1, fetched as pairs. */
+static inline __m256 weigh(const float *depth, __m256i index, __m256 d, __m256 rest, __m256 fx)
 {
-    __m256 there = _mm256_mask_i32gather_ps(_mm256_setzero_ps(), depth, index, in, 4);
-    return _mm256_and_ps(_mm256_cmp_ps(d, there, _CMP_GE_OQ), weight);
+    const long long *pairs = (const long long *)(const void *)depth;
+    __m256 near = _mm256_castsi256_ps(_mm256_i32gather_epi64(pairs, _mm256_castsi256_si128(index), 4));
+    __m256 far = _mm256_castsi256_ps(_mm256_i32gather_epi64(pairs, _mm256_extracti128_si256(index, 1), 4));
+    __m256d left = _mm256_castps_pd(_mm256_shuffle_ps(near, far, _MM_SHUFFLE(2, 0, 2, 0)));
+    __m256d right = _mm256_castps_pd(_mm256_shuffle_ps(near, far, _MM_SHUFFLE(3, 1, 3, 1)));
+    __m256 p = _mm256_castpd_ps(_mm256_permute4x64_pd(left, _MM_SHUFFLE(3, 1, 2, 0)));
+    __m256 q = _mm256_castpd_ps(_mm256_permute4x64_pd(right, _MM_SHUFFLE(3, 1, 2, 0)));
+    return _mm256_add_ps(_mm256_and_ps(_mm256_cmp_ps(d, p, _CMP_GE_OQ), rest),
+                         _mm256_and_ps(_mm256_cmp_ps(d, q, _CMP_GE_OQ), fx));
 }
 
 static inline __m256 passes(const struct sv_relief_lookup *map, __m256 x, __m256 y, __m256 d)
@@ -39,12 +46,9 @@ static inline __m256 passes(const struct sv_relief_lookup *map, __m256 x, __m256
     __m256i i = _mm256_cvttps_epi32(_mm256_and_ps(x, in)), j = _mm256_cvttps_epi32(_mm256_and_ps(y, in));
     __m256 fx = _mm256_sub_ps(x, _mm256_cvtepi32_ps(i)), fy = _mm256_sub_ps(y, _mm256_cvtepi32_ps(j));
     __m256i p = _mm256_add_epi32(_mm256_mullo_epi32(j, _mm256_set1_epi32(map->width)), i);
-    __m256i q = _mm256_add_epi32(p, _mm256_set1_epi32(map->width)), next = _mm256_set1_epi32(1);
+    __m256i q = _mm256_add_epi32(p, _mm256_set1_epi32(map->width));
     __m256 rest = _mm256_sub_ps(one, fx);
-    __m256 upper = _mm256_add_ps(weigh(map->depth, p, in, d, rest),
-                                 weigh(map->depth, _mm256_add_epi32(p, next), in, d, fx));
-    __m256 lower = _mm256_add_ps(weigh(map->depth, q, in, d, rest),
-                                 weigh(map->depth, _mm256_add_epi32(q, next), in, d, fx));
+    __m256 upper = weigh(map->depth, p, d, rest, fx), lower = weigh(map->depth, q, d, rest, fx);
     __m256 share = _mm256_add_ps(upper, _mm256_mul_ps(_mm256_sub_ps(lower, upper), fy));
     return _mm256_blendv_ps(one, share, in);
 }

@@ -44,9 +44,10 @@ struct caster {
 struct sv_relief_shade {
     const struct sv_relief_object *object;
     struct caster caster[SV_RELIEF_FACES];
-    void *casters;             /* their arrays */
-    struct sv_warp_buffer map; /* depth: 1 at the light's side of the body, 0 on the other */
-    float *incoming;           /* of one face */
+    void *casters;                /* their arrays */
+    struct sv_warp_buffer map;    /* depth: 1 at the light's side of the body, 0 on the other */
+    float *incoming;              /* of one face */
+    struct sv_relief_span *spans; /* room */
 };
 
 static bool kept(const struct sv_relief_object *object, int face, int i, int j)
@@ -152,12 +153,14 @@ enum sv_status sv_relief_shade_create(const struct sv_relief_object *object, str
         largest = texels > largest ? texels : largest;
     }
     float *incoming = malloc(largest * sizeof *incoming);
-    if (!made || !incoming) {
+    struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
+    if (!made || !incoming || !spans) {
         free(made);
+        free(spans);
         free(incoming);
         return sv_fail(error, SV_ENOMEM, "shade", "no memory for shadows of %zu texels", largest);
     }
-    *made = (struct sv_relief_shade){.object = object, .incoming = incoming};
+    *made = (struct sv_relief_shade){.object = object, .incoming = incoming, .spans = spans};
     int side = map_side(object);
     enum sv_status status = sv_warp_buffer_create(side, side, &made->map, error);
     if (status == SV_OK && !make_casters(made))
@@ -176,6 +179,7 @@ void sv_relief_shade_destroy(struct sv_relief_shade *shade)
     if (shade->map.depth)
         sv_warp_buffer_finish(&shade->map);
     free(shade->incoming);
+    free(shade->spans);
     free(shade->casters);
     free(shade);
 }
@@ -213,6 +217,22 @@ static void along(const struct sv_relief_frame *f, struct sv_vec3 axis, double a
     row[3] = sv_dot(axis, f->origin) + at;
 }
 
+/* The block of texels of a caster that may face the light: one, as rows beside it cost more than what faces
+ * away in it. False: none does. */
+static bool caster_span(const struct sv_relief_shade *shade, int face, struct sv_vec3 to_sun,
+                        struct sv_relief_span *all)
+{
+    const struct sv_relief_span *s = shade->spans;
+    int count = sv_relief_object_spans(shade->object, face, to_sun, false, shade->spans);
+    for (int k = 0; k < count; k++, s++) {
+        all->row0 = k > 0 && all->row0 < s->row0 / 2 ? all->row0 : s->row0 / 2;
+        all->row1 = k > 0 && all->row1 > (s->row1 + 1) / 2 ? all->row1 : (s->row1 + 1) / 2;
+        all->column0 = k > 0 && all->column0 < s->column0 / 2 ? all->column0 : s->column0 / 2;
+        all->column1 = k > 0 && all->column1 > (s->column1 + 1) / 2 ? all->column1 : (s->column1 + 1) / 2;
+    }
+    return count > 0;
+}
+
 static void draw_map(struct sv_relief_shade *shade, const struct light_view *view, struct sv_vec3 to_sun)
 {
     struct sv_warp_stats stats = {0};
@@ -222,7 +242,6 @@ static void draw_map(struct sv_relief_shade *shade, const struct light_view *vie
         struct sv_vec3 sun = in_frame(&c->frame, to_sun);
         struct sv_relief_facing facing = {.normal = {c->normal[0], c->normal[1], c->normal[2]},
                                           .eye = {(float)sun.x, (float)sun.y, (float)sun.z}};
-        const struct sv_relief_span all = {0, c->height, 0, c->width};
         struct sv_warp_source source = {.width = c->width,
                                         .height = c->height,
                                         .t = c->displ,
@@ -231,8 +250,9 @@ static void draw_map(struct sv_relief_shade *shade, const struct light_view *vie
         for (int r = 0; r < 3; r++)
             along(&c->frame, view->axis[r], view->at[r], source.map.m[r]);
         source.map.m[3][3] = 1;
-        if (shade->object->face[k].solid_count)
-            sv_relief_splat(&source, (unsigned)k, c->rims, &facing, &all, 1, NULL, &shade->map, &stats);
+        struct sv_relief_span span;
+        if (shade->object->face[k].solid_count && caster_span(shade, k, to_sun, &span))
+            sv_relief_splat(&source, (unsigned)k, c->rims, &facing, &span, 1, &shade->map, &stats);
     }
 }
 

@@ -80,10 +80,7 @@ static void half_edge(const struct sv_warp_job *job, const float here[3], const 
 struct work {
     const struct sv_warp_kernel *kernel;
     struct sv_warp_job job;
-    bool wide;     /* AVX2: small full cells, and quarters of others, wait until eight are together */
-    uint8_t *used; /* NULL: not asked for */
-    size_t used_stride;
-    uint8_t shown[SV_WARP_STRIP / 8], torn[SV_WARP_STRIP / 8]; /* cells of a row, a bit each */
+    bool wide; /* AVX2: small full cells, and quarters of others, wait until eight are together */
     struct sv_relief_waiting waiting, quarters;
     uint16_t listed[SV_RELIEF_WAITING_ROOM];
 };
@@ -170,43 +167,11 @@ static void draw_full_cell(struct work *work, const struct sv_warp_row *up, cons
         sv_warp_cell(&work->job, up, lo, c);
 }
 
-/* Colours of columns i0 <= i <= i1, rows j0 <= j <= j1 are seen; what lies outside of the sheet is not. */
-static void mark_block(struct work *work, int i0, int i1, int j0, int j1)
-{
-    const struct sv_warp_source *source = work->job.source;
-    int first = (i0 > 0 ? i0 : 0) / 8, last = (i1 < source->width ? i1 : source->width - 1) / 8;
-    for (int j = j0 > 0 ? j0 : 0; j <= j1 && j < source->height; j++)
-        for (int k = first; k <= last; k++)
-            work->used[(size_t)j * work->used_stride + (size_t)k] = 1;
-}
-
-/* Of n cells between two rows; those that are not full may show what is beside them, with a pixel's rounding.
- */
-static void mark_cells(struct work *work, int n)
-{
-    const int column = work->job.column, row = work->job.row;
-    for (int k = 0; 8 * k < n; k++) {
-        unsigned full = work->shown[k], torn = work->torn[k];
-        if (full) {
-            int first = column + 8 * k + __builtin_ctz(full),
-                last = column + 8 * k + 32 - __builtin_clz(full);
-            uint8_t *up = work->used + (size_t)row * work->used_stride, *lo = up + work->used_stride;
-            up[first / 8] = up[last / 8] = lo[first / 8] = lo[last / 8] = 1;
-        }
-        for (; torn; torn &= torn - 1) {
-            int i = column + 8 * k + __builtin_ctz(torn);
-            mark_block(work, i - 1, i + 2, row - 1, row + 2);
-        }
-    }
-}
-
 /* Cells that are drawn one by one, of those between two rows. */
 static void draw_left(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
                       const uint8_t *rim)
 {
-    int listed = work->kernel->cells(&work->job, up, lo, n, work->listed), i = work->job.column;
-    if (work->used)
-        mark_block(work, i - 1, i + n + 1, work->job.row - 1, work->job.row + 2);
+    int listed = work->kernel->cells(&work->job, up, lo, n, work->listed);
     for (int k = 0; k < listed; k++) {
         int c = work->listed[k];
         bool full = is_full(up, lo, c, work->job.source->cut);
@@ -244,10 +209,7 @@ static void draw_waiting(struct work *work, int count)
 static void put_off(struct work *work, const struct sv_warp_row *up, const struct sv_warp_row *lo, int n,
                     const uint8_t *rim)
 {
-    int listed = sv_relief_put_off_avx2(&work->job, up, lo, n, rim, &work->waiting, work->listed, work->shown,
-                                        work->torn);
-    if (work->used)
-        mark_cells(work, n);
+    int listed = sv_relief_put_off_avx2(&work->job, up, lo, n, rim, &work->waiting, work->listed);
     for (int k = 0; k < listed; k++) {
         int c = work->listed[k];
         if (rim[c] == SV_RELIEF_CELL_FULL)
@@ -328,8 +290,8 @@ static void splat_strip(struct work *work, const struct sv_relief_span *span, in
 
 void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
                         const uint8_t *rims, const struct sv_relief_facing *facing,
-                        const struct sv_relief_span *spans, int span_count, uint8_t *used,
-                        struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
+                        const struct sv_relief_span *spans, int span_count, struct sv_warp_buffer *buffer,
+                        struct sv_warp_stats *stats)
 {
     struct work work;
     work.kernel = kernel_of(level);
@@ -337,8 +299,6 @@ void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source,
                                     .buffer = buffer,
                                     .budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height};
     work.wide = level == SV_SIMD_AVX2;
-    work.used = used;
-    work.used_stride = ((size_t)source->width + 7) / 8;
     work.waiting.count = work.quarters.count = 0; /* and nothing more: the rest is large */
     for (int s = 0; s < span_count; s++) {
         const struct sv_relief_span *span = &spans[s];
@@ -356,8 +316,7 @@ void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source,
 
 void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint8_t *rims,
                      const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
-                     int span_count, uint8_t *used, struct sv_warp_buffer *buffer,
-                     struct sv_warp_stats *stats)
+                     int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
 {
-    sv_relief_splat_at(sv_simd_level(), source, k, rims, facing, spans, span_count, used, buffer, stats);
+    sv_relief_splat_at(sv_simd_level(), source, k, rims, facing, spans, span_count, buffer, stats);
 }

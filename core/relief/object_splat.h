@@ -33,12 +33,21 @@ struct sv_relief_facing sv_relief_object_facing(const struct sv_relief_object *o
 
 /* As sv_warp_splat, within the spans, of what faces the eye. rims: (width + 1) * (height + 1) bytes, of the
  * cells whose upper left texel is (i - 1, j - 1): CELL_SPARE where it need not be drawn (it may be), and
- * SV_RELIEF_RIMS_SLACK bytes that are anything. used: groups of texels (lighting.h, sv_relief_next_run) whose
- * colours are seen are set to 1, and some beside them; NULL: not asked for. */
+ * SV_RELIEF_RIMS_SLACK bytes that are anything. */
 void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint8_t *rims,
                      const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
-                     int span_count, uint8_t *used, struct sv_warp_buffer *buffer,
-                     struct sv_warp_stats *stats);
+                     int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats);
+
+/* Which groups of texels (lighting.h, sv_relief_next_run) of `count` sources a picture shows. Of source k:
+ * size, its groups (written), and room for a byte a texel within SV_RELIEF_SEEN_ROOM bytes: cell points
+ * width + 1 bytes behind their beginning. Returns a bit a source of which anything is seen. */
+struct sv_relief_seen {
+    int width[SV_WARP_SOURCES_MAX], height[SV_WARP_SOURCES_MAX];
+    uint8_t *cell[SV_WARP_SOURCES_MAX], *group[SV_WARP_SOURCES_MAX];
+};
+#define SV_RELIEF_SEEN_ROOM(width, height) (((size_t)(height) + 1) * (size_t)(width) + 1 + 8)
+uint32_t sv_relief_find_seen(const struct sv_warp_buffer *buffer, const struct sv_relief_seen *seen,
+                             unsigned count);
 
 /* Closes gaps of one or two pixels along a row or a column: the farther of what is beside them goes on into
  * them. Returns how many pixels. */

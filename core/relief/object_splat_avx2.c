@@ -182,7 +182,7 @@ static inline __m256 is_rim(__m128i rims, int kind)
 
 int sv_relief_put_off_avx2(const struct sv_warp_job *job, const struct sv_warp_row *up,
                            const struct sv_warp_row *lo, int n, const uint8_t *rim,
-                           struct sv_relief_waiting *waiting, uint16_t *now, uint8_t *shown, uint8_t *torn)
+                           struct sv_relief_waiting *waiting, uint16_t *now)
 {
     const __m256 cut = splat(job->source->cut);
     const __m256i zero = _mm256_setzero_si256(), small = _mm256_set1_epi32(SV_WARP_SMALL);
@@ -191,7 +191,6 @@ int sv_relief_put_off_avx2(const struct sv_warp_job *job, const struct sv_warp_r
         __m128i rims = _mm_loadl_epi64((const __m128i *)(const void *)(rim + c));
         __m256 full = full8(up, lo, c, cut), needed = is_rim(rims, SV_RELIEF_CELL_FULL);
         unsigned inside = n - c < LANES ? (1u << (n - c)) - 1 : 255, full_bits = bits_of(full), left = 0;
-        shown[c / LANES] = torn[c / LANES] = 0;
         if (full_bits & inside) {
             struct corners q;
             for (int k = 0; k < 4; k++) {
@@ -201,21 +200,19 @@ int sv_relief_put_off_avx2(const struct sv_warp_job *job, const struct sv_warp_r
                 q.d[k] = _mm256_loadu_ps(row->d + c + (k & 1));
             }
             set_box(&q, job->buffer, 0);
-            __m256i seen = _mm256_and_si256(_mm256_cmpgt_epi32(q.nx, zero), _mm256_cmpgt_epi32(q.ny, zero));
+            __m256i shown = _mm256_and_si256(_mm256_cmpgt_epi32(q.nx, zero), _mm256_cmpgt_epi32(q.ny, zero));
             __m256i large = _mm256_or_si256(_mm256_cmpgt_epi32(q.nx, small), _mm256_cmpgt_epi32(q.ny, small));
-            __m256 drawn = _mm256_and_ps(full, _mm256_castsi256_ps(seen));
+            __m256 drawn = _mm256_and_ps(full, _mm256_castsi256_ps(shown));
             unsigned wait = bits_of(_mm256_andnot_ps(_mm256_castsi256_ps(large), drawn)) & inside;
             left = bits_of(_mm256_and_ps(_mm256_castsi256_ps(large), _mm256_and_ps(drawn, needed)));
-            shown[c / LANES] = (uint8_t)((wait | left) & inside);
             if (wait)
                 wait8(waiting, &q, job->tag0 + (uint32_t)c, needed, wait);
         }
         if (full_bits != 255) {
-            unsigned rest = bits_of(is_rim(rims, SV_RELIEF_CELL_RIM)) & ~full_bits & inside;
-            if (rest)
-                rest &= there(up->t + c) | there(up->t + c + 1) | there(lo->t + c) | there(lo->t + c + 1);
-            torn[c / LANES] = (uint8_t)rest;
-            left |= rest;
+            unsigned torn = bits_of(is_rim(rims, SV_RELIEF_CELL_RIM)) & ~full_bits;
+            if (torn)
+                left |= torn &
+                        (there(up->t + c) | there(up->t + c + 1) | there(lo->t + c) | there(lo->t + c + 1));
         }
         for (left &= inside; left; left &= left - 1)
             now[listed++] = (uint16_t)(c + __builtin_ctz(left));

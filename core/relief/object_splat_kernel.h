@@ -91,11 +91,10 @@ void sv_relief_drop_scalar(uint8_t *const front[3], int n, struct sv_warp_row *r
 void sv_relief_drop_avx2(uint8_t *const front[3], int n, struct sv_warp_row *row);
 
 /* Puts off the small full cells among n; lists those that are to be drawn now, and returns their number:
- * large ones, and needed ones that are not full. rim: of the first cell. shown, torn: a bit a cell, of eight
- * in a byte: full ones that are drawn, and others. */
+ * large ones, and needed ones that are not full. rim: of the first cell. */
 int sv_relief_put_off_avx2(const struct sv_warp_job *job, const struct sv_warp_row *upper,
                            const struct sv_warp_row *lower, int n, const uint8_t *rim,
-                           struct sv_relief_waiting *waiting, uint16_t *now, uint8_t *shown, uint8_t *torn);
+                           struct sv_relief_waiting *waiting, uint16_t *now);
 /* Draws the first `count` that wait; lists those that are not convex and needed, and returns their number. */
 int sv_relief_draw_waiting_avx2(struct sv_warp_job *job, const struct sv_relief_waiting *waiting, int count,
                                 uint16_t *left);
@@ -107,7 +106,7 @@ void sv_relief_draw_quarters_avx2(struct sv_warp_job *job, const struct sv_relie
 /* sv_relief_splat at a given level (tests). */
 void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
                         const uint8_t *rims, const struct sv_relief_facing *facing,
-                        const struct sv_relief_span *spans, int span_count, uint8_t *used,
-                        struct sv_warp_buffer *buffer, struct sv_warp_stats *stats);
+                        const struct sv_relief_span *spans, int span_count, struct sv_warp_buffer *buffer,
+                        struct sv_warp_stats *stats);
 
 #endif

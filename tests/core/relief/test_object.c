@@ -684,7 +684,7 @@ static void splat_all(const struct sv_relief_object *object, const struct sv_cam
             continue;
         struct sv_relief_facing facing = sv_relief_object_facing(object, k, camera->eye, true);
         sv_warp_map_from_camera(&r->frame, camera, 0, 0, &source.map);
-        sv_relief_splat_at(level, &source, (unsigned)k, object->rims[k], &facing, spans, count, NULL, buffer,
+        sv_relief_splat_at(level, &source, (unsigned)k, object->rims[k], &facing, spans, count, buffer,
                            stats);
     }
     free(spans);
