@@ -1,11 +1,13 @@
 /* shade_stand.c - how much sunlight arrives at each tree of a forest.
  *
- * In the plane square to the light every tree covers a part of a picture of what light is left. Trees are
- * taken in the order in which light passes them; each reads the picture under its outline (weighted by its
- * own coverage: what of it faces the sun), then multiplies 1 - coverage into it. Two upright trees that do
- * not touch are parted by an upright plane, and light crosses that plane from the one that stands nearer to
- * the sun on the ground: so the order is that of feet along the sun's azimuth, with a part of height for
- * crowns that hang over others (ORDER_HEIGHT).
+ * In the plane square to the light every tree covers a part of a picture of what light is left. A crown is
+ * taken for an upright ellipsoid that lets light through evenly; the middles of its chords along the light
+ * lie in a plane, which parts it into a near and a far half, each of transmittance sqrt(1 - coverage). Halves
+ * are taken in the order in which light passes them; each reads the picture under the tree's outline
+ * (weighted by its own coverage), the far one with the near one's part given back, then multiplies its
+ * transmittance into it. The order is that of the halves' middles, taken along the light to a plane through
+ * the origin that is such a plane of middles for the forest's mean crown (ORDER_RATIO): of slender trees
+ * those that stand nearer to the sun on the ground come first, of flat crowns those that are higher.
  *
  * The picture is kept in tiles, only where trees are, at a resolution that fits trees; where that would take
  * more than TILES_MAX tiles it is halved, which blurs outlines but keeps the amount of shade. The terrain's
@@ -164,8 +166,8 @@ struct cell {
 struct print {
     const struct sv_silhouette *level;
     int i0, i1, j0, j1;
-    float u0, v0, step;     /* silhouette coordinates (texel centres at whole numbers) of texel (i0, j0) */
-    float row0, rows; /* grid coordinate of texel j0, and a texel */
+    float u0, v0, step; /* silhouette coordinates (texel centres at whole numbers) of texel (i0, j0) */
+    float row0, rows;   /* grid coordinate of texel j0, and a texel */
     float thin; /* what coverage is multiplied by: a tree of less than a texel is drawn larger and thinner */
 };
 
@@ -332,7 +334,7 @@ static void put_light(const struct cell cells[SV_SHADE_ROWS], const float lit[SV
     }
 }
 
-/* Halves of all trees, in the order in which light reaches them: entry.tree is 2 * tree, + 1: the far half. */
+/* Halves of all trees, in the order in which light reaches them; entry.tree: 2 * tree, + 1: the far half. */
 static enum sv_status order(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
                             struct sv_cull_entry **entries, struct sv_cull_entry **block,
                             struct sv_error *error)

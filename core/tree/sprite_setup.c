@@ -24,8 +24,8 @@ static const float LEVEL_SPREAD = 0.4f;
 static const float STAND = 0.3f, STAND_FACING = 0.3f, STAND_SKY = 0.1f;
 /* By how much of a tree's height what is seen of it from its side gets its light from higher up than where it
  * stands in the picture: leaves of trees behind reach through crowns from which a picture of one tree alone
- * hides them, and those that do so are above. Nothing where no tree shades another. Fitted to the mean light of
- * ray casts of stands of 20,000 and 45,000 trees a square kilometre under suns of 20 to 60 degrees. */
+ * hides them, and those that do so are above. Nothing where no tree shades another. Fitted to the mean light
+ * of ray casts of stands of 20,000 and 45,000 trees a square kilometre under suns of 20 to 60 degrees. */
 static const float SEEN_ABOVE = 0.13f;
 /* Smaller trees, px, and those that are magnified have their coverage taken between texels. */
 static const float BETWEEN_BELOW_PX = 6;

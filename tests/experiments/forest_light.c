@@ -3,10 +3,11 @@
  *   forest_light [--scene FILE] [--counts 5000,20000,45000] [--suns 20,40,60] [--azimuth DEGREES] [--poses N]
  *                [--forms coarse,density,...] [--samples N] [--plain]
  *
- * Overview eyes. Ratios of the mean linear green over the pixels whose middle a ray finds to be a tree: of all,
- * by distance (below 60 m, 60 to 150 m, beyond) and by species. A ray in a pixel's middle says little of edges: 4 rays a
- * pixel unless --samples says otherwise. --scene: that scene instead of the papers' forest (its counts
- * are its own). --plain: without shadows, which leaves what is not the trees' light on each other. */
+ * Overview eyes. Ratios of the mean linear green over the pixels whose middle a ray finds to be a tree: of
+ * all, by distance (below 60 m, 60 to 150 m, beyond) and by species. The truth takes 4 rays a pixel unless
+ * --samples says otherwise; of one ray edges tell too little. --scene: that scene instead of the papers'
+ * forest (its counts are its own). --plain: without shadows, which leaves what is not the trees' light on
+ * each other. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -73,7 +74,8 @@ static void print(const struct sums *s)
 }
 
 /* One sun over one forest. */
-static void measure(const struct forest *forest, const uint16_t *species, const struct setup *setup, double sun)
+static void measure(const struct forest *forest, const uint16_t *species, const struct setup *setup,
+                    double sun)
 {
     static struct sums sums[SV_TREES_COUNT];
     memset(sums, 0, sizeof sums);
@@ -99,7 +101,8 @@ static void measure(const struct forest *forest, const uint16_t *species, const 
         sv_picture_finish(&truth);
     }
     for (int f = 0; f < setup->form_count; f++) {
-        printf("%6u trees, sun %2.0f, %-9s", forest->scene->forest.count, sun, sv_trees_name(setup->forms[f]));
+        printf("%6u trees, sun %2.0f, %-9s", forest->scene->forest.count, sun,
+               sv_trees_name(setup->forms[f]));
         print(&sums[f]);
     }
 }

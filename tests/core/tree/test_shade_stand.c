@@ -54,8 +54,8 @@ static void truth_light_of(const struct sv_truth *alone, const struct sv_truth *
                 b = (int)sv_clamp(floor(v + 0.5), 0, SV_SHADE_ROWS - 1);
             out->all[a][b]++;
             out->lit[a][b] += all[at] == own;
-            out->ours += (double)sv_tree_light_at(
-                light, axes, (const float[3]){(float)p.x, (float)p.y, (float)p.z});
+            out->ours +=
+                (double)sv_tree_light_at(light, axes, (const float[3]){(float)p.x, (float)p.y, (float)p.z});
         }
     free(depth);
     free(one);
