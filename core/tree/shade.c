@@ -85,15 +85,34 @@ int sv_shade_turn(float rotation_rad)
     return (int)floorf(turns + 0.5f) & (SV_SHADE_TURNS - 1);
 }
 
-/* The grid lies over what the species covers, its nodes at the middles of its cells. */
+double sv_shade_ratio(double radius)
+{
+    return sv_clamp(radius / SV_SHADE_CROWN * (radius / SV_SHADE_CROWN), 1e-3, 4);
+}
+
+struct sv_vec3 sv_shade_middle(const struct sv_shade_axes *axes, double ratio)
+{
+    return sv_vec3(axes->to_sun.x, axes->to_sun.y, ratio * axes->to_sun.z);
+}
+
+double sv_shade_chord(const struct sv_shade_axes *axes, double radius)
+{
+    return radius / sqrt(sv_dot(sv_shade_middle(axes, sv_shade_ratio(radius)), axes->to_sun));
+}
+
+/* Rows lie over what the species covers, nodes at the middles of cells; columns are the crown's halves. */
 static struct sv_tree_light_axes light_axes(const struct sv_shade_view *view,
                                             const struct sv_shade_axes *axes)
 {
-    double across = (double)SV_SHADE_COLUMNS / (2 * fmax((double)view->reach, 1e-6));
+    double radius = fmax((double)view->reach, 1e-6), ratio = sv_shade_ratio(radius);
+    struct sv_vec3 a = sv_shade_middle(axes, ratio);
+    /* Towards the sun, 1 where the longest chord ends. */
+    a = sv_scale(a, 1 / (radius * sqrt(sv_dot(a, axes->to_sun))));
+    a = sv_scale(a, 0.5 / SV_SHADE_HALF);
     double along = (double)SV_SHADE_ROWS / fmax((double)view->top - (double)view->bottom, 1e-6);
-    struct sv_vec3 a = sv_scale(axes->right, across), b = sv_scale(axes->up, along);
+    struct sv_vec3 b = sv_scale(axes->up, along);
     return (struct sv_tree_light_axes){
-        {(float)a.x, (float)a.y, (float)a.z, 0.5f * SV_SHADE_COLUMNS - 0.5f},
+        {(float)a.x, (float)a.y, (float)a.z, (float)(0.5 - a.z * SV_SHADE_MIDDLE)},
         {(float)b.x, (float)b.y, (float)b.z, (float)(-(double)view->bottom * along - 0.5)}};
 }
 

@@ -4,15 +4,17 @@
  * For one direction of the sun (update) there are two results:
  * - silhouettes of every species as the sun sees it, in SV_SHADE_TURNS turns about the stem, prefiltered;
  *   cast() puts those of all trees that can reach a shadow window (core/terrain/shadow_window.h) into it;
- * - the share of sunlight that arrives at each tree, on a small grid of its own (SV_SHADE_COLUMNS across the
- *   light, SV_SHADE_ROWS along "up" as the sun sees it), after the terrain's shadow and the crowns of other
- *   trees, never its own: the tree's own crown is sv_tree_vertex.open. draw.h takes it as options.shade.
+ * - the share of sunlight that arrives at each tree, on a small grid of its own (SV_SHADE_COLUMNS in depth
+ *   along the light, SV_SHADE_ROWS along "up" as the sun sees it), after the terrain's shadow and the crowns
+ * of other trees, never its own: the tree's own crown is sv_tree_vertex.open. draw.h takes it as
+ * options.shade.
  *
  * Own derivation of the second: in the plane square to the light a tree's shade is a picture (paper 1, 3.3.2,
- * step (2)). Trees are taken in the order in which light reaches them; each first reads what light is left in
- * its outline, then multiplies its own coverage into the picture. So every tree costs its own texels once,
- * however long shadows are. What a row of that grid sees is hidden or lit together by whatever stands
- * sunward, which no height alone would be.
+ * step (2)). A tree is two halves, the one nearer to the sun and the one behind it, of equal transmittance;
+ * halves of all trees are taken in the order in which light reaches them; each first reads what light is left
+ * in its outline, then multiplies its own transmittance into the picture. So every tree costs its own texels
+ * twice, however long shadows are, the light that all get together is what the sun sees of the stand, and
+ * crowns that reach into each other are lit on top and dark below, as one share a tree would not have it.
  *
  * Silhouettes come from the impostor's frames (impostor.h), laid into space as its quads are, so that nothing
  * is rasterised when the sun moves. No GL. One thread at a time an object. Deterministic: results depend on
@@ -39,8 +41,9 @@ struct sv_tree_light {
 };
 
 /* Where a point of a tree lies on that grid: with p = (point - foot) / height in world axes, column
- * coordinate p . across[0..2] + across[3] (0: first column, 1: second; held in 0..1) and row coordinate
- * p . along[0..2] + along[3] (0 .. SV_SHADE_ROWS - 1; held there); the share is bilinear between. */
+ * coordinate p . across[0..2] + across[3] (0: middle of the far half, 1: of the near one; held in 0..1) and
+ * row coordinate p . along[0..2] + along[3] (0 .. SV_SHADE_ROWS - 1; held there); the share is bilinear
+ * between. */
 struct sv_tree_light_axes {
     float across[4], along[4];
 };
@@ -58,7 +61,7 @@ struct sv_tree_shade;
 typedef double (*sv_shade_ground)(void *context, double x, double y);
 
 /* Borrows forest and what species point to for life. An update takes 8 bytes a tree and up to 0.4 MB a
- * species for each of the SV_SHADE_SUNS that are kept, and 16 bytes a tree and up to 32 MB while it runs.
+ * species for each of the SV_SHADE_SUNS that are kept, and 32 bytes a tree and up to 32 MB while it runs.
  * Species that share frames share silhouettes. SV_ENOMEM; SV_EINVAL when a tree is of a species without
  * frames. */
 SV_MUST_CHECK enum sv_status sv_tree_shade_create(const struct sv_shade_species *species, int species_count,

@@ -60,6 +60,18 @@ SV_MUST_CHECK enum sv_status sv_shade_view_init(const struct sv_shade_species *s
                                                 struct sv_error *error);
 void sv_shade_view_finish(struct sv_shade_view *view);
 
+/* Height of a crown's middle, in heights; where a crown's halves have their middles, in half its depth: the
+ * mean chord of an ellipsoid is 2/3 of the longest. */
+#define SV_SHADE_MIDDLE 0.55
+#define SV_SHADE_CROWN 0.42 /* half of a crown's height */
+#define SV_SHADE_HALF (1.0 / 3)
+/* A crown is an upright ellipsoid; ratio: (diameter / height) squared. Middles of its chords along the light
+ * lie where (p - middle) . sv_shade_middle = 0; half its longest chord, radius and result in heights. */
+struct sv_vec3 sv_shade_middle(const struct sv_shade_axes *axes, double ratio);
+double sv_shade_chord(const struct sv_shade_axes *axes, double radius);
+/* (diameter / height) squared of a crown of that radius, in heights. */
+double sv_shade_ratio(double radius);
+
 /* Index of the turn that is nearest to a tree's rotation. */
 int sv_shade_turn(float rotation_rad);
 

@@ -1,11 +1,13 @@
 /* shade_stand.c - how much sunlight arrives at each tree of a forest.
  *
- * In the plane square to the light every tree covers a part of a picture of what light is left. Trees are
- * taken in the order in which light passes them; each reads the picture under its outline (weighted by its
- * own coverage: what of it faces the sun), then multiplies 1 - coverage into it. Two upright trees that do
- * not touch are parted by an upright plane, and light crosses that plane from the one that stands nearer to
- * the sun on the ground: so the order is that of feet along the sun's azimuth, with a part of height for
- * crowns that hang over others (ORDER_HEIGHT).
+ * In the plane square to the light every tree covers a part of a picture of what light is left. A crown is
+ * taken for an upright ellipsoid that lets light through evenly; the middles of its chords along the light
+ * lie in a plane, which parts it into a near and a far half, each of transmittance sqrt(1 - coverage). Halves
+ * are taken in the order in which light passes them; each reads the picture under the tree's outline
+ * (weighted by its own coverage), the far one with the near one's part given back, then multiplies its
+ * transmittance into it. The order is that of the halves' middles, taken along the light to a plane through
+ * the origin that is such a plane of middles for the forest's mean crown (ORDER_RATIO): of slender trees
+ * those that stand nearer to the sun on the ground come first, of flat crowns those that are higher.
  *
  * The picture is kept in tiles, only where trees are, at a resolution that fits trees; where that would take
  * more than TILES_MAX tiles it is halved, which blurs outlines but keeps the amount of shade. The terrain's
@@ -22,8 +24,10 @@ enum { FULL = 65535 };
 
 static const double TEXELS_A_TREE = 12; /* along the mean tree */
 static const double TEXELS_MAX = 384;   /* along the tallest */
-/* Of 0, 1/4, 1/2 and 1 the best against rays over suns of 5 to 85 degrees. */
-static const double ORDER_HEIGHT = 0.25;
+/* Crowns' (diameter / height) squared, as the order takes them. */
+static const double ORDER_RATIO = 0.25;
+/* Of what passes a tree, because its half is divided by: below, the canvas' steps tell. */
+static const float PASS_MIN = 1.0f / 4096;
 static const float BARE_WEIGHT =
     0.02f; /* of a texel that the tree itself leaves open: answers for bare parts */
 
@@ -162,9 +166,8 @@ struct cell {
 struct print {
     const struct sv_silhouette *level;
     int i0, i1, j0, j1;
-    float u0, v0, step;     /* silhouette coordinates (texel centres at whole numbers) of texel (i0, j0) */
-    float column0, columns; /* grid coordinate of texel i0, and a texel */
-    float row0, rows;
+    float u0, v0, step; /* silhouette coordinates (texel centres at whole numbers) of texel (i0, j0) */
+    float row0, rows;   /* grid coordinate of texel j0, and a texel */
     float thin; /* what coverage is multiplied by: a tree of less than a texel is drawn larger and thinner */
 };
 
@@ -199,10 +202,7 @@ static bool print_init(const struct canvas *c, const struct sv_shade_view *view,
     double x = (p->i0 + 0.5) * c->texel, y = (p->j0 + 0.5) * c->texel;
     p->u0 = (float)((x - left) / texel - 0.5);
     p->v0 = (float)((top - y) / texel - 0.5);
-    double reach = fmax(h * (double)view->reach, 1e-9);
     double tall = fmax(h * ((double)view->top - (double)view->bottom), 1e-9);
-    p->column0 = (float)(((x + c->x0 - at.x) / (2 * reach) + 0.5) * SV_SHADE_COLUMNS);
-    p->columns = (float)(c->texel / (2 * reach) * SV_SHADE_COLUMNS);
     p->row0 = (float)((y + c->y0 - at.y - h * (double)view->bottom) / tall * SV_SHADE_ROWS);
     p->rows = (float)(c->texel / tall * SV_SHADE_ROWS);
     return p->i1 > p->i0 && p->j1 > p->j0 && p->i1 - p->i0 <= COLUMNS_MAX;
@@ -251,40 +251,40 @@ static void print_row(const struct print *p, const struct columns *columns, int 
     }
 }
 
-/* Reads the light into a cell, then takes the tree's own coverage off it. */
-static void pass_run(uint16_t *light, const float *coverage, int count, struct cell *cell)
+/* Reads the light into a cell, then takes a half's coverage off it: both halves of a tree let through
+ * 1 - coverage. What the near half has taken is given back to the far one: it is the tree's own. */
+static void pass_run(uint16_t *light, const float *coverage, int count, bool far, struct cell *cell)
 {
     float sum = 0, weights = 0;
     for (int i = 0; i < count; i++) {
-        float own = coverage[i], left = light[i], weight = own + BARE_WEIGHT;
-        sum += weight * left;
+        float own = coverage[i], half = sqrtf(fmaxf(1 - own, PASS_MIN)), left = light[i],
+              weight = own + BARE_WEIGHT;
+        sum += weight * (far ? fminf(left / half, FULL) : left);
         weights += weight;
-        light[i] = (uint16_t)(left * (1 - own) + 0.5f);
+        light[i] = (uint16_t)(left * half + 0.5f);
     }
     cell->light += sum;
     cell->weight += weights;
 }
 
-/* Row j, in runs that lie in one tile and one column of cells. */
-static void pass_row(struct canvas *c, const struct print *p, int j, int middle, const float *coverage,
-                     struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS])
+/* Row j, in runs that lie in one tile. */
+static void pass_row(struct canvas *c, const struct print *p, int j, bool far, const float *coverage,
+                     struct cell cells[SV_SHADE_ROWS])
 {
     int row = held(p->row0 + (float)(j - p->j0) * p->rows, SV_SHADE_ROWS);
     const uint32_t *tiles = c->tile + (size_t)(j / TILE) * c->tiles_x;
     for (int i = p->i0; i < p->i1;) {
         uint32_t tile = tiles[i / TILE];
-        int end = (i / TILE + 1) * TILE, column = i >= middle;
+        int end = (i / TILE + 1) * TILE;
         end = end < p->i1 ? end : p->i1;
-        end = column == 0 && middle < end ? middle : end;
         if (tile > 0)
             pass_run(c->light + (size_t)(tile - 1) * TILE_TEXELS + (size_t)(j % TILE) * TILE + i % TILE,
-                     coverage + (i - p->i0), end - i, &cells[column][row]);
+                     coverage + (i - p->i0), end - i, far, &cells[row]);
         i = end;
     }
 }
 
-static void pass_tree(struct canvas *c, const struct print *p,
-                      struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS])
+static void pass_half(struct canvas *c, const struct print *p, bool far, struct cell cells[SV_SHADE_ROWS])
 {
     float coverage[COLUMNS_MAX];
     struct columns across;
@@ -293,11 +293,9 @@ static void pass_tree(struct canvas *c, const struct print *p,
     held_in.i1 = p->i1 < columns ? p->i1 : columns;
     held_in.j1 = p->j1 < rows ? p->j1 : rows;
     columns_init(&held_in, &across);
-    /* The first texel whose middle is in the second column. */
-    int middle = p->i0 + (int)fmaxf(0, ceilf((1 - p->column0) / p->columns));
     for (int j = held_in.j0; j < held_in.j1; j++) {
         print_row(&held_in, &across, j, coverage);
-        pass_row(c, &held_in, j, middle, coverage, cells);
+        pass_row(c, &held_in, j, far, coverage, cells);
     }
 }
 
@@ -321,41 +319,43 @@ static void terrain_rows(const struct sv_shade_view *view, const struct sv_shade
     }
 }
 
-static void put_light(struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS], const float lit[SV_SHADE_ROWS],
-                      struct sv_tree_light *out)
+static void put_light(const struct cell cells[SV_SHADE_ROWS], const float lit[SV_SHADE_ROWS],
+                      uint8_t share[SV_SHADE_ROWS])
 {
     float light = 0, weight = 0;
-    for (int k = 0; k < SV_SHADE_COLUMNS; k++)
-        for (int r = 0; r < SV_SHADE_ROWS; r++) {
-            light += cells[k][r].light;
-            weight += cells[k][r].weight;
-        }
+    for (int r = 0; r < SV_SHADE_ROWS; r++) {
+        light += cells[r].light;
+        weight += cells[r].weight;
+    }
     float mean = weight > 0 ? light / weight : FULL;
-    for (int k = 0; k < SV_SHADE_COLUMNS; k++)
-        for (int r = 0; r < SV_SHADE_ROWS; r++) {
-            const struct cell *cell = &cells[k][r];
-            float share = cell->weight > 0 ? cell->light / cell->weight : mean;
-            out->share[k][r] = (uint8_t)(share / FULL * 255.0f * lit[r] + 0.5f);
-        }
+    for (int r = 0; r < SV_SHADE_ROWS; r++) {
+        float of = cells[r].weight > 0 ? cells[r].light / cells[r].weight : mean;
+        share[r] = (uint8_t)(of / FULL * 255.0f * lit[r] + 0.5f);
+    }
 }
 
-static enum sv_status order(const struct sv_tree_shade *shade, const struct sv_shade_axes *axes,
+/* Halves of all trees, in the order in which light reaches them; entry.tree: 2 * tree, + 1: the far half. */
+static enum sv_status order(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
                             struct sv_cull_entry **entries, struct sv_cull_entry **block,
                             struct sv_error *error)
 {
     uint32_t count = shade->forest->count;
-    struct sv_cull_entry *made = malloc(2 * ((size_t)count + 1) * sizeof *made);
+    struct sv_cull_entry *made = malloc(4 * ((size_t)count + 1) * sizeof *made);
     if (!made)
         return sv_fail(error, SV_ENOMEM, "trees", "no memory to sort %u trees", count);
+    struct sv_vec3 towards = sv_shade_middle(&sun->axes, ORDER_RATIO);
+    towards = sv_scale(towards, 1 / sv_dot(towards, sun->axes.to_sun));
     for (uint32_t k = 0; k < count; k++) {
         const struct sv_tree *tree = &shade->forest->trees[k];
         struct sv_vec3 p = sv_sub(sv_vec3(tree->x, tree->y, tree->z), shade->forest->origin);
-        double along = p.x * axes->to_sun.x + p.y * axes->to_sun.y;
-        double high = (p.z + (double)tree->height_m) * axes->to_sun.z;
-        made[k] = (struct sv_cull_entry){sv_cull_order_code((float)-(along + ORDER_HEIGHT * high)), k};
+        double h = (double)tree->height_m, radius = (double)sun->views[shade->owner[tree->species]].reach;
+        p.z += SV_SHADE_MIDDLE * h;
+        double at = sv_dot(p, towards), off = h * sv_shade_chord(&sun->axes, radius) * SV_SHADE_HALF;
+        made[2 * k] = (struct sv_cull_entry){sv_cull_order_code((float)-(at + off)), 2 * k};
+        made[2 * k + 1] = (struct sv_cull_entry){sv_cull_order_code((float)-(at - off)), 2 * k + 1};
     }
     *block = made;
-    *entries = sv_cull_sort(made, made + count, count);
+    *entries = sv_cull_sort(made, made + 2 * (size_t)count, 2 * count);
     return SV_OK;
 }
 
@@ -369,18 +369,20 @@ enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade
         return SV_OK;
     enum sv_status status = canvas_init(shade, sun, &canvas, error);
     if (!status)
-        status = order(shade, &sun->axes, &entries, &block, error);
-    for (uint32_t k = 0; !status && k < count; k++) {
-        const struct sv_tree *tree = &shade->forest->trees[entries[k].tree];
+        status = order(shade, sun, &entries, &block, error);
+    for (uint32_t k = 0; !status && k < 2 * count; k++) {
+        bool far = entries[k].tree & 1;
+        uint32_t index = entries[k].tree >> 1;
+        const struct sv_tree *tree = &shade->forest->trees[index];
         const struct sv_shade_view *view = &sun->views[shade->owner[tree->species]];
-        struct cell cells[SV_SHADE_COLUMNS][SV_SHADE_ROWS] = {{{0, 0}}};
+        struct cell cells[SV_SHADE_ROWS] = {{0, 0}};
         struct print print;
         float lit[SV_SHADE_ROWS];
         if (print_init(&canvas, view, &view->turn[sv_shade_turn(tree->rotation_rad)],
                        spot_of(shade->forest, &sun->axes, tree), (double)tree->height_m, &print))
-            pass_tree(&canvas, &print, cells);
+            pass_half(&canvas, &print, far, cells);
         terrain_rows(view, &sun->axes, tree, ground, ground_context, lit);
-        put_light(cells, lit, &sun->lights[entries[k].tree]);
+        put_light(cells, lit, sun->lights[index].share[!far]);
     }
     free(block);
     canvas_finish(&canvas);

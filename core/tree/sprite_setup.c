@@ -22,6 +22,11 @@ static const float LEVEL_SPREAD = 0.4f;
  * between the directions to sun and viewer, and more of the sky by the third: leaves shade one another, of
  * which mean openness knows nothing. Fitted to the gradient energy of ray casts of dense forests. */
 static const float STAND = 0.3f, STAND_FACING = 0.3f, STAND_SKY = 0.1f;
+/* By how much of a tree's height what is seen of it from its side gets its light from higher up than where it
+ * stands in the picture: leaves of trees behind reach through crowns from which a picture of one tree alone
+ * hides them, and those that do so are above. Nothing where no tree shades another. Fitted to the mean light
+ * of ray casts of stands of 20,000 and 45,000 trees a square kilometre under suns of 20 to 60 degrees. */
+static const float SEEN_ABOVE = 0.13f;
 /* Smaller trees, px, and those that are magnified have their coverage taken between texels. */
 static const float BETWEEN_BELOW_PX = 6;
 /* Trees taller than this in the picture have their texels moved by depth, px. */
@@ -318,6 +323,7 @@ static void set_grid(const struct subject *of, const struct laid *laid, struct s
     float each = 1 / of->tree->height_m, from[3];
     for (int k = 0; k < 3; k++)
         from[k] = laid->origin[k] - of->foot[k];
+    from[2] += SEEN_ABOVE * of->tree->height_m * (1 - of->to_viewer[2] * of->to_viewer[2]);
     s->column[0] = dot3(of->axes->across, laid->a) * each;
     s->column[1] = dot3(of->axes->across, laid->b) * each;
     s->column[2] = dot3(of->axes->across, from) * each + of->axes->across[3];

@@ -1,4 +1,4 @@
-// tree_light.glsl - sunlight that arrives at a tree, on its grid of 2 columns and 4 rows. TWIN: sv_tree_light_at (core/tree/shade.c).
+// tree_light.glsl - sunlight that arrives at a tree, on its grid of 2 columns (in depth) and 4 rows. TWIN: sv_tree_light_at (core/tree/shade.c).
 
 // at: column and row coordinate (struct sv_tree_light_axes); first, second: the columns' shares, from the lowest row up.
 float tree_light(vec2 at, vec4 first, vec4 second)

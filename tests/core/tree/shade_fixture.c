@@ -108,18 +108,34 @@ struct sv_truth *shade_truth_of(struct sv_scene *scene, const struct sv_tree *tr
     return truth;
 }
 
-uint32_t *shade_truth_ids(const struct sv_truth *truth, const struct sv_camera *camera)
+static void truth_layer(const struct sv_truth *truth, const struct sv_camera *camera, enum sv_layer layer,
+                        struct sv_truth_picture *picture)
 {
     struct sv_error error;
     struct sv_light light;
     sv_light_from_sun(&(struct sv_sun){0, 1}, &light);
     struct sv_truth_options options = {
-        .layers = 1u << SV_LAYER_ID, .samples = 1, .trees = true, .row_count = camera->height};
+        .layers = 1u << layer, .samples = 1, .trees = true, .row_count = camera->height};
+    memset(picture, 0, sizeof *picture);
+    bool depth = layer == SV_LAYER_DEPTH;
+    shade_ok(sv_image_alloc(camera->width, camera->height, 1, depth ? SV_PIXEL_F32 : SV_PIXEL_U32,
+                            depth ? &picture->depth : &picture->id, &error),
+             &error);
+    shade_ok(sv_truth_render(truth, camera, &light, &options, picture, &error), &error);
+}
+
+uint32_t *shade_truth_ids(const struct sv_truth *truth, const struct sv_camera *camera)
+{
     struct sv_truth_picture picture;
-    memset(&picture, 0, sizeof picture);
-    shade_ok(sv_image_alloc(camera->width, camera->height, 1, SV_PIXEL_U32, &picture.id, &error), &error);
-    shade_ok(sv_truth_render(truth, camera, &light, &options, &picture, &error), &error);
+    truth_layer(truth, camera, SV_LAYER_ID, &picture);
     return picture.id.data;
+}
+
+float *shade_truth_depths(const struct sv_truth *truth, const struct sv_camera *camera)
+{
+    struct sv_truth_picture picture;
+    truth_layer(truth, camera, SV_LAYER_DEPTH, &picture);
+    return picture.depth.data;
 }
 
 struct sv_vec3 shade_middle(void)

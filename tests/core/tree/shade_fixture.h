@@ -32,6 +32,8 @@ struct sv_camera shade_sun_camera(double azimuth_deg, double elevation_deg, stru
 struct sv_truth *shade_truth_of(struct sv_scene *scene, const struct sv_tree *trees, uint32_t count);
 /* Ids as camera sees them: heap, side * side. */
 uint32_t *shade_truth_ids(const struct sv_truth *truth, const struct sv_camera *camera);
+/* Distances along the rays of pixels' middles; heap. */
+float *shade_truth_depths(const struct sv_truth *truth, const struct sv_camera *camera);
 /* Trees side by side, square to the light's azimuth: no sun of that azimuth casts one's shade on another. */
 struct sv_vec3 shade_apart(int k);
 /* A tree at (x, y) from the ground's middle. */
