@@ -60,30 +60,6 @@ double forest_median(double *values, int count)
 /* Reads the file at path, or parses text. */
 static void open_scene(const char *path, const char *text, size_t bytes, bool truth, struct forest *forest)
 {
-    forest_open_scene(NULL, count, truth, forest);
-}
-
-/* Text of the scene, on the heap. */
-static char *scene_text(const char *path, uint32_t count)
-{
-    enum { BYTES = 1 << 16 };
-    char *text = calloc(1, BYTES);
-    FILE *file = path ? fopen(path, "rb") : NULL;
-    /* A million trees stand a metre apart at the mean: closer than the spacing that suits 45,000. */
-    double spacing = fmin(2, 0.4 * sqrt((double)FOREST_SIDE_M * FOREST_SIDE_M / fmax(count, 1)));
-    if (text && !path)
-        snprintf(text, BYTES, SCENE, FOREST_SIDE_M, count, spacing);
-    if (!text || (path && (!file || fread(text, 1, BYTES - 1, file) == 0))) {
-        perror(path ? path : "scene");
-        exit(1);
-    }
-    if (file)
-        fclose(file);
-    return text;
-}
-
-void forest_open_scene(const char *path, uint32_t count, bool truth, struct forest *forest)
-{
     struct sv_error error = {0};
     struct sv_errors errors = {0};
     memset(forest, 0, sizeof *forest);
@@ -91,22 +67,14 @@ void forest_open_scene(const char *path, uint32_t count, bool truth, struct fore
     const char *folder = getenv("SILVISTA_CACHE_DIR");
     if (folder && sv_store_open(folder, (uint64_t)8 << 30, &forest->store, &error) != SV_OK)
         forest->store = NULL;
-<<<<<<< HEAD
     struct sv_scene_spec spec;
     struct sv_scene_options options = {.store = forest->store};
     if ((text ? sv_scene_spec_parse(text, bytes, path, &spec, &errors) : sv_scene_spec_read(path, &spec, &errors)) ||
-=======
-    char *text = scene_text(path, count);
-    struct sv_scene_spec spec;
-    struct sv_scene_options options = {.store = forest->store};
-    if (sv_scene_spec_parse(text, strlen(text), path ? path : "forest.json", &spec, &errors) ||
->>>>>>> dense
         sv_scene_load(&spec, &options, &forest->scene, &errors)) {
         for (size_t k = 0; k < errors.count; k++)
             fprintf(stderr, "%s: %s\n", errors.items[k].field, errors.items[k].message);
         exit(1);
     }
-    free(text);
     struct sv_renderer_options render = {.store = forest->store, .clock = forest_now_ms, .truth = truth};
     if (sv_renderer_create(forest->scene, &render, &forest->renderer, &error))
         die("renderer", &error);

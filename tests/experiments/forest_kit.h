@@ -19,13 +19,8 @@ struct forest {
 
 /* count trees; truth: the ray-cast structures are built, too. */
 void forest_open(uint32_t count, bool truth, struct forest *forest);
-<<<<<<< HEAD
 /* Another scene, of a file (scene_file.h), in place of that forest. */
 void forest_open_file(const char *path, bool truth, struct forest *forest);
-=======
-/* path: a scene file; NULL: the papers' forest of count trees. */
-void forest_open_scene(const char *path, uint32_t count, bool truth, struct forest *forest);
->>>>>>> dense
 void forest_close(struct forest *forest);
 
 /* Eye number k of a kind, as a request of the wire contract's defaults (color, 512 x 512 unless changed):

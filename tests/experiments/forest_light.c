@@ -110,7 +110,10 @@ static void measure(const struct forest *forest, const uint16_t *species, const 
 static void run(const struct setup *setup, uint32_t count)
 {
     struct forest forest;
-    forest_open_scene(setup->scene, count, true, &forest);
+    if (setup->scene)
+        forest_open_file(setup->scene, true, &forest);
+    else
+        forest_open(count, true, &forest);
     const struct sv_forest *trees = &forest.scene->forest;
     uint16_t *species = calloc((size_t)trees->count + 1, sizeof *species);
     for (uint32_t k = 0; species && k < trees->count; k++)
