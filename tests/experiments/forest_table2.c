@@ -61,10 +61,28 @@ static void keep(const struct setup *setup, const struct sv_image *image, uint32
     forest_save(image, path);
 }
 
+/* A worker's first picture pays for memory that it has for life: one of each form and kind, at an eye that is not
+ * measured. */
+static void warm_worker(const struct forest *forest, const struct setup *setup, uint32_t trees, int worker)
+{
+    for (int kind = 0; kind < KINDS; kind++)
+        for (int f = 0; f < setup->form_count; f++) {
+            struct sv_view_request request = forest_request(forest, (enum forest_eye)kind, POSES_MAX + worker);
+            struct sv_picture picture;
+            request.shadows = setup->shadows;
+            request.trees = setup->forms[f];
+            if (!form_here(trees, setup->forms[f]) || setup->forms[f] == SV_TREES_RAYCAST)
+                continue;
+            forest_draw(forest, &request, &picture, NULL, NULL, NULL);
+            sv_picture_finish(&picture);
+        }
+}
+
 /* One worker's share: results[kind][pose][form]. */
 static void work(const struct forest *forest, const struct setup *setup, uint32_t trees, int worker,
                  struct measure (*results)[POSES_MAX][SV_TREES_COUNT])
 {
+    warm_worker(forest, setup, trees, worker);
     for (int kind = 0; kind < KINDS; kind++)
         for (int pose = worker; pose < setup->poses; pose += WORKERS) {
             struct sv_view_request request = forest_request(forest, (enum forest_eye)kind, pose);
