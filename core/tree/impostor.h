@@ -1,8 +1,8 @@
 /* impostor.h - a tree species baked into 64 small pictures, seen from all over the upper hemisphere.
  *
  * Made once from the mesh by a rasteriser of our own (impostor_bake.c: orthographic, 3 x 3 samples a texel,
- * no GL, so that a bake is the same on every machine and may run in any process), kept in the store, drawn by
- * draw_impostor.c as one quad a tree. Each picture ("frame") keeps, prefiltered: premultiplied albedo and
+ * no GL, so that a bake is the same on every machine and may run in any process), read by
+ * frames read it; sprites (sprite.h), baked from the same frames but larger, are what is drawn. Each picture ("frame") keeps, prefiltered: premultiplied albedo and
  * coverage; the mean of the unit normals turned to the viewer (its length falls where normals scatter: the
  * shader needs that), and sky occlusion.
  *

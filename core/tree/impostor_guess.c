@@ -6,7 +6,7 @@
 
 enum { LENGTHS = SV_GUESS_LENGTHS, HEIGHTS = 32 };
 
-/* Twin of the guess in tree_quad.frag, leaf_sun: mean |n.l| for a mean normal of length rho that makes an
+/* Twin of the guess in core/gl/shaders/tree_leaf.glsl, leaf_sun: mean |n.l| for a mean normal of length rho that makes an
  * angle of cosine c with l. */
 static float guess(float rho, float c)
 {

@@ -34,7 +34,7 @@ static float dot3(const float a[3], const float b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* As draw_impostor.c lays its quads: round crowns do not get narrower beside their frame. */
+/* As sprite_setup.c lays its pictures: round crowns do not get narrower beside their frame. */
 static struct seen see(const struct sv_impostor_frame *f, const struct sv_shade_axes *axes,
                        double rotation_rad, const float to_sun[3])
 {

@@ -44,7 +44,7 @@ struct sv_sprite_list {
     const struct sv_cull_entry *entries; /* sorted by distance */
     const float *weights; /* of each entry, 0..1: what its coverage is multiplied by (cross-fades); NULL: 1 */
     uint32_t count;
-    bool farthest_first; /* as sv_cull_forest gives impostors; false: nearest first */
+    bool farthest_first; /* false: nearest first, as sv_cull_forest gives them */
 };
 
 /* Draws trees[entries[k].tree] over the canvas, whose width and height are the camera's. lights: what

@@ -1,6 +1,6 @@
 /* sprite_kernel.c - trees into a tile, pixel by pixel: the reference. TWINS: sprite_kernel_avx2.c (8 pixels
  * at a time, the same operations in the same order, so that both give the same bits) and, for the light,
- * core/gl/shaders/tree_quad.frag. */
+ * core/gl/shaders/tree_leaf.glsl. */
 #include <math.h>
 
 #include "core/tree/sprite_private.h"
@@ -46,7 +46,7 @@ static struct place locate(const struct sv_sprite *s, float x, float y)
     return p;
 }
 
-/* tree_quad.frag, leaf_sun. */
+/* tree_leaf.glsl, leaf_sun. */
 static float leaf_sun(const float m[3], const float l[3], float t, float gain)
 {
     float rho2 = clamp(m[0] * m[0] + m[1] * m[1] + m[2] * m[2], 1e-6f, 1), loose = 1 - sqrtf(rho2);

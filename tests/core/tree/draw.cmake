@@ -49,8 +49,3 @@ endif()
 if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
   sv_test(test_sprite_truth LIBS sv_scene_kit sv_tree_draw sv_truth sv_compare LABELS tree TIMEOUT 600)
 endif()
-# Far trees on the CPU: time and error. sv_scene_kit comes from tests/core/view.
-if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
-  add_executable(bench_sprite EXCLUDE_FROM_ALL bench_sprite.c)
-  target_link_libraries(bench_sprite PRIVATE sv_scene_kit sv_tree_draw sv_truth sv_compare m)
-endif()
