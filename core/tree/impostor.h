@@ -1,10 +1,10 @@
 /* impostor.h - a tree species baked into 64 small pictures, seen from all over the upper hemisphere.
  *
  * Made once from the mesh by a rasteriser of our own (impostor_bake.c: orthographic, 3 x 3 samples a texel,
- * no GL, so that a bake is the same on every machine and may run in any process), read by
- * frames read it; sprites (sprite.h), baked from the same frames but larger, are what is drawn. Each picture ("frame") keeps, prefiltered: premultiplied albedo and
- * coverage; the mean of the unit normals turned to the viewer (its length falls where normals scatter: the
- * shader needs that), and sky occlusion.
+ * no GL, so that a bake is the same on every machine and may run in any process). Sprites (sprite.h) are
+ * baked from the same frames, larger, and are what is drawn; tests of shade.h read this one. Each picture
+ * ("frame") keeps, prefiltered: premultiplied albedo and coverage; the mean of the unit normals turned to the
+ * viewer (its length falls where normals scatter: the light needs that), and sky occlusion.
  *
  * Frames stand on rings of equal elevation instead of the octahedral grid of Brucks (2018): trees are mostly
  * seen from elevations of 0 to 40 degrees, where 8 x 8 octahedral frames leave gaps of 27 and 37 degrees;
