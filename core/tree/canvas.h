@@ -8,10 +8,14 @@
  * depth   window depth, reversed, as GL wrote it (frames.h): perspective near / Z, orthographic (far - Z) /
  * far, Z in metres along forward; 0: nothing there (sky). Larger is nearer. color   RGBA u8, sRGB code of
  * linear light, premultiplied by coverage a; a = 255 where the sky is drawn. id      core/scene/id.h. normal
- * 3 floats, world axes, facing the viewer, unit; 0 for the sky. */
+ * 3 floats, world axes, facing the viewer, unit; 0 for the sky.
+ *
+ * surface: trees leave depth wherever they cover anything (that of the tree which covers half of what is covered),
+ * not only where they cover half of the view: what a relief panel is made of. */
 #ifndef SV_TREE_CANVAS_H
 #define SV_TREE_CANVAS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -22,6 +26,7 @@ struct sv_canvas {
     uint8_t *color;           /* never NULL */
     uint32_t *id;             /* NULL: not wanted */
     float *normal;            /* NULL: not wanted */
+    bool surface;
 };
 
 /* Pixel of picture row `row` (of the band) and column: index into depth and id; times 4: color, times 3:

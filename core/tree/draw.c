@@ -324,6 +324,8 @@ enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl
                                            &draw->list, error);
     if (status)
         return status;
+    if (options->shell)
+        sv_cull_keep_shell(draw->forest, options->shell, &draw->list);
     own.culled_trees = draw->list.culled;
     if (sv_tree_form_on_canvas(options->form)) {
         status = draw_canvas(draw, frame, options, lights, &own, error);

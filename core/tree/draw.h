@@ -2,8 +2,9 @@
  *
  * Forms (design.md section 4): polygons and billboard clouds are drawn by OSMesa into the bound target; the
  * coarse form (sprite.h) and `auto`, which is leaf splats near and sprites far, on the CPU over what GL has
- * drawn before (canvas.h). Only what a view asks for is built: meshes and clouds when first drawn, sprites and
- * leaf forms with the drawing itself, because nearly every view needs them and workers then share them. */
+ * drawn before (canvas.h). Only what a view asks for is built: meshes and clouds when first drawn, sprites
+ * and leaf forms with the drawing itself, because nearly every view needs them and workers then share them.
+ */
 #ifndef SV_TREE_DRAW_H
 #define SV_TREE_DRAW_H
 
@@ -23,14 +24,14 @@ struct sv_tree_draw_species {
 };
 
 /* Names as in /v1/scene and trees=. */
-#define SV_TREE_FORM_LIST(X)                          \
-    X(SV_TREE_FORM_AUTO, "auto")                      \
-    X(SV_TREE_FORM_POLYGON, "polygon")                \
-    X(SV_TREE_FORM_BILLBOARD, "billboard")            \
-    X(SV_TREE_FORM_INDIRECT, "indirect")              \
-    X(SV_TREE_FORM_DENSITY, "density")                \
-    X(SV_TREE_FORM_DENSITY_PAPER, "density_paper")    \
-    X(SV_TREE_FORM_COARSE, "coarse")                  \
+#define SV_TREE_FORM_LIST(X)                       \
+    X(SV_TREE_FORM_AUTO, "auto")                   \
+    X(SV_TREE_FORM_POLYGON, "polygon")             \
+    X(SV_TREE_FORM_BILLBOARD, "billboard")         \
+    X(SV_TREE_FORM_INDIRECT, "indirect")           \
+    X(SV_TREE_FORM_DENSITY, "density")             \
+    X(SV_TREE_FORM_DENSITY_PAPER, "density_paper") \
+    X(SV_TREE_FORM_COARSE, "coarse")               \
     X(SV_TREE_FORM_LEAF, "leaf")
 
 enum sv_tree_form {
@@ -43,16 +44,27 @@ const char *sv_tree_form_name(enum sv_tree_form form);
 /* Whether the form is drawn on the CPU: sv_tree_draw_forest then wants a canvas. */
 bool sv_tree_form_on_canvas(enum sv_tree_form form);
 
+/* Between two cubes with sides along the axes: outside of the inner one, not outside of the outer one. A tree
+ * is in a cube when its axis, foot to top, meets it; so nested cubes part a forest into trees that are in one
+ * shell each. */
+struct sv_tree_shell {
+    struct sv_vec3 inner, outer; /* centres, world */
+    double inner_m, outer_m;     /* half sides; inner_m < 0: none; outer_m = INFINITY: none */
+};
+
 struct sv_tree_draw_options {
     enum sv_tree_form form;
-    double error_px; /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
-    int leaf_samples; /* a pixel, of leaf splats, into a canvas of colour and depth alone: 1, 2, 4, 8, 16; else 1 */
-    bool color_only; /* nobody reads depth, id or normal after this call: blended forms leave them alone */
+    double error_px;  /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
+    int leaf_samples; /* a pixel, of leaf splats, into a canvas of colour and depth alone: 1, 2, 4, 8, 16;
+                         else 1 */
+    bool color_only;  /* nobody reads depth, id or normal after this call: blended forms leave them alone */
     const struct sv_tree_shade *shade; /* NULL: no shadows; else made of this drawing, updated for the frame's
                                           sun */
     const struct sv_canvas *canvas; /* forms on the CPU: what terrain and objects left, of the frame's size */
+    const struct sv_tree_shell *shell; /* NULL: all trees */
 };
-#define SV_TREE_DRAW_OPTIONS_DEFAULT ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 1, 4, false, NULL, NULL})
+#define SV_TREE_DRAW_OPTIONS_DEFAULT \
+    ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 1, 4, false, NULL, NULL, NULL})
 
 /* A tree that fades from one form into the other counts in both. */
 struct sv_tree_draw_stats {
@@ -60,8 +72,8 @@ struct sv_tree_draw_stats {
     uint32_t culled_trees;
 };
 
-/* Builds (or takes from the store) what `auto` needs of every species that has trees. Heights in the forest are
- * metres, meshes have height 1. store may be NULL; it is kept. */
+/* Builds (or takes from the store) what `auto` needs of every species that has trees. Heights in the forest
+ * are metres, meshes have height 1. store may be NULL; it is kept. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_create(const struct sv_tree_draw_species *species,
                                                  int species_count, const struct sv_forest *forest,
                                                  struct sv_store *store, struct sv_tree_draw **draw,

@@ -157,6 +157,27 @@ enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cu
     return SV_OK;
 }
 
+/* Chebyshev distance of a tree's axis from a centre. */
+static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
+{
+    double below = tree->z - center.z, above = center.z - (tree->z + (double)tree->height_m);
+    return fmax(fmax(fabs(tree->x - center.x), fabs(tree->y - center.y)), fmax(fmax(below, above), 0));
+}
+
+void sv_cull_keep_shell(const struct sv_forest *forest, const struct sv_tree_shell *shell,
+                        struct sv_cull_list *list)
+{
+    uint32_t kept = 0;
+    for (uint32_t k = 0; k < list->count; k++) {
+        const struct sv_tree *tree = &forest->trees[list->entries[k].tree];
+        if (axis_distance_m(tree, shell->inner) > shell->inner_m &&
+            axis_distance_m(tree, shell->outer) <= shell->outer_m)
+            list->entries[kept++] = list->entries[k];
+    }
+    list->culled += list->count - kept;
+    list->count = kept;
+}
+
 void sv_cull_list_finish(struct sv_cull_list *list)
 {
     /* Both halves are one block; sorting swaps them. */

@@ -31,6 +31,9 @@ SV_MUST_CHECK enum sv_status sv_cull_forest(const struct sv_forest *forest,
                                             const struct sv_cull_species *species,
                                             const struct sv_camera *camera, const double planes[5][4],
                                             struct sv_cull_list *list, struct sv_error *error);
+/* Keeps the entries of trees whose axis, foot to top, lies in the shell (draw.h), in their order. */
+void sv_cull_keep_shell(const struct sv_forest *forest, const struct sv_tree_shell *shell,
+                        struct sv_cull_list *list);
 void sv_cull_list_finish(struct sv_cull_list *list);
 
 /* Floats as unsigned integers of the same order. */

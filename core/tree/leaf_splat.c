@@ -174,11 +174,12 @@ static void end_pixel(const struct sv_leaf_splat *splat, const struct sv_leaf_pa
     if (covered == 0)
         return;
     uint8_t *to = pass->canvas->color + 4 * pixel;
+    bool half = 2 * covered >= samples || (pass->canvas->surface && to[3] < 128);
     float bare = (float)(samples - covered), each = 1 / (float)samples;
     for (int a = 0; a < 3; a++)
         to[a] = sv_srgb8_from_linear((sum[a] + bare * sv_linear_from_srgb8[to[a]]) * each);
     to[3] = (uint8_t)(((float)covered * 255 + bare * (float)to[3]) * each + 0.5f);
-    if (2 * covered >= samples)
+    if (half)
         pass->canvas->depth[pixel] = nearest;
 }
 

@@ -248,8 +248,10 @@ static void load_tile(struct slice *s, int t)
     state->y0 = s->row_first + t / s->columns * SV_SPRITE_TILE;
     draw->steps->load(s->canvas, s->view->camera, smaller(SV_SPRITE_TILE, s->canvas->width - state->x0),
                       smaller(SV_SPRITE_TILE, s->row_end - state->y0), state, &draw->tiles[t]);
-    if (s->hard)
+    if (s->hard) {
         memset(draw->hard[t].z, 0, sizeof draw->hard[t].z);
+        draw->hard[t].surface = s->canvas->surface;
+    }
     draw->loaded[t] = true;
 }
 
@@ -370,9 +372,10 @@ static void store_tiles(struct slice *s)
             continue;
         int columns = smaller(SV_SPRITE_TILE, s->canvas->width - state->x0);
         int rows = smaller(SV_SPRITE_TILE, s->row_end - state->y0);
+        if (s->hard) /* before the colour: it asks for what was there */
+            sv_sprite_hard_store(s->canvas, s->view->camera, columns, rows, state, &draw->tiles[t],
+                                 &draw->hard[t]);
         draw->steps->store(s->canvas, columns, rows, state, &draw->tiles[t]);
-        if (s->hard)
-            sv_sprite_hard_store(s->canvas, s->view->camera, columns, rows, state, &draw->hard[t]);
     }
 }
 
@@ -451,7 +454,7 @@ enum sv_status sv_sprite_draw_trees(struct sv_sprite_draw *draw, const struct sv
                       .canvas = canvas,
                       .seen = view_of(view),
                       .light = light_of(view),
-                      .hard = canvas->id || canvas->normal,
+                      .hard = canvas->id || canvas->normal || canvas->surface,
                       .columns = (canvas->width + SV_SPRITE_TILE - 1) / SV_SPRITE_TILE};
     int end = canvas->row_first + canvas->row_count;
     int rows = SLICE_TILES / s.columns > 1 ? SLICE_TILES / s.columns : 1; /* of tiles */

@@ -172,7 +172,8 @@ static void draw_pixel(const struct sv_sprite_light *light, const struct sv_spri
     tile->green[k] += pass * sum.rgb[1];
     tile->blue[k] += pass * sum.rgb[2];
     tile->pass[k] = left;
-    if (hard && hard->z[k] == 0 && left <= 0.5f && sum.alpha > 0)
+    bool mark = hard && (hard->surface ? pass > 0.5f : hard->z[k] == 0 && left <= 0.5f);
+    if (mark && sum.alpha > 0)
         mark_hard(tree, &sum, k, hard);
 }
 

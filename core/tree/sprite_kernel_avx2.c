@@ -245,13 +245,14 @@ static inline void add_normal(const struct sv_sprite *s, const struct shown *one
 }
 
 /* Where half of the view is covered for the first time. */
-static inline void mark_hard(const struct sv_sprite_tree *tree, const struct shown *sum, V left, size_t k,
-                             struct sv_sprite_hard *hard)
+static inline void mark_hard(const struct sv_sprite_tree *tree, const struct shown *sum, V pass, V left,
+                             size_t k, struct sv_sprite_hard *hard)
 {
-    const V none = _mm256_setzero_ps();
+    const V none = _mm256_setzero_ps(), half = set(0.5f);
     V before = _mm256_loadu_ps(hard->z + k);
-    V now =
-        _mm256_and_ps(_mm256_cmp_ps(before, none, _CMP_EQ_OQ), _mm256_cmp_ps(left, set(0.5f), _CMP_LE_OQ));
+    V now = hard->surface ? _mm256_cmp_ps(pass, half, _CMP_GT_OQ)
+                          : _mm256_and_ps(_mm256_cmp_ps(before, none, _CMP_EQ_OQ),
+                                          _mm256_cmp_ps(left, half, _CMP_LE_OQ));
     now = _mm256_and_ps(now, _mm256_cmp_ps(sum->alpha, none, _CMP_GT_OQ));
     if (_mm256_movemask_ps(now) == 0)
         return;
@@ -297,7 +298,7 @@ static inline bool draw_group(const struct sv_sprite_light *light, const struct 
     _mm256_storeu_ps(tile->blue + k, add(_mm256_loadu_ps(tile->blue + k), mul(pass, sum.blue)));
     _mm256_storeu_ps(tile->pass + k, left);
     if (hard)
-        mark_hard(tree, &sum, left, k, hard);
+        mark_hard(tree, &sum, pass, left, k, hard);
     return _mm256_movemask_ps(_mm256_cmp_ps(left, set(SV_SPRITE_PASS_MIN), _CMP_GE_OQ)) != 0;
 }
 

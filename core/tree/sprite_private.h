@@ -71,8 +71,10 @@ struct sv_sprite_tile {
     float pass[SV_SPRITE_TILE_PIXELS], z[SV_SPRITE_TILE_PIXELS];
 };
 
-/* Where half of the view is covered; only when asked for. z: 0 where that is nowhere. */
+/* Where half of the view is covered; only when asked for. z: 0 where that is nowhere. surface: before half of it is,
+ * the last tree that covers anything (canvas.h). */
 struct sv_sprite_hard {
+    bool surface;
     float z[SV_SPRITE_TILE_PIXELS];
     uint32_t id[SV_SPRITE_TILE_PIXELS];
     float normal[3][SV_SPRITE_TILE_PIXELS];
@@ -162,6 +164,7 @@ void sv_sprite_tile_load_avx2(const struct sv_canvas *canvas, const struct sv_ca
 void sv_sprite_tile_store_avx2(const struct sv_canvas *canvas, int columns, int rows,
                                const struct sv_sprite_state *state, const struct sv_sprite_tile *tile);
 void sv_sprite_hard_store(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns,
-                          int rows, const struct sv_sprite_state *state, const struct sv_sprite_hard *hard);
+                          int rows, const struct sv_sprite_state *state, const struct sv_sprite_tile *tile,
+                          const struct sv_sprite_hard *hard);
 
 #endif

@@ -81,14 +81,15 @@ void sv_sprite_tile_store(const struct sv_canvas *canvas, int columns, int rows,
 }
 
 void sv_sprite_hard_store(const struct sv_canvas *canvas, const struct sv_camera *camera, int columns,
-                          int rows, const struct sv_sprite_state *state, const struct sv_sprite_hard *hard)
+                          int rows, const struct sv_sprite_state *state, const struct sv_sprite_tile *tile,
+                          const struct sv_sprite_hard *hard)
 {
     bool orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC;
     for (int j = 0; j < rows; j++)
         for (int i = 0; i < columns; i++) {
             size_t k = (size_t)(j * SV_SPRITE_TILE + i),
                    at = sv_canvas_at(canvas, state->x0 + i, state->y0 + j);
-            if (!(hard->z[k] > 0))
+            if (!(hard->z[k] > 0) || (hard->surface && tile->pass[k] > 0.5f && canvas->color[4 * at + 3] >= 128))
                 continue;
             /* A mean over pictures: none is nearer than the near plane, the mean but for rounding. */
             canvas->depth[at] = orthographic ? 1 - hard->z[k] / (float)camera->far_m

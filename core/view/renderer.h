@@ -1,7 +1,9 @@
-/* renderer.h - a scene made ready to draw (GL textures, baked forms, ray-cast structures), and the drawing of a view. */
+/* renderer.h - a scene made ready to draw (GL textures, baked forms, ray-cast structures), and the drawing of
+ * a view. */
 #ifndef SV_VIEW_RENDERER_H
 #define SV_VIEW_RENDERER_H
 
+#include "core/view/picture.h"
 #include "core/view/resolve.h"
 #include "core/view/timings.h"
 
@@ -18,29 +20,26 @@ struct sv_renderer_options {
     bool truth;             /* build the ray-cast reference now; otherwise at its first use */
 };
 
-/* A drawn view before encoding: the layers asked for, in the order of enum sv_layer, heap images, straight alpha. */
-struct sv_picture {
-    struct sv_image layer[SV_LAYER_COUNT]; /* COLOR u8 x 4; DEPTH f32; NORMAL f32 x 3; ID u32; empty when not asked for */
-};
-
-SV_MUST_CHECK enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_renderer_options *options,
+SV_MUST_CHECK enum sv_status sv_renderer_create(const struct sv_scene *scene,
+                                                const struct sv_renderer_options *options,
                                                 struct sv_renderer **renderer, struct sv_error *error);
 void sv_renderer_destroy(struct sv_renderer *renderer);
-SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_view_request *request,
+SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer,
+                                              const struct sv_view_request *request,
                                               const struct sv_resolved_view *view, struct sv_picture *picture,
                                               struct sv_timings *timings, struct sv_draw_stats *stats,
                                               struct sv_error *error);
-/* Casts what the scene's own sun throws on all of the ground, as fine as takes less than a second or so: before forks,
- * so that all share it. Pictures are the same without. */
+/* Casts what the scene's own sun throws on all of the ground, as fine as takes less than a second or so:
+ * before forks, so that all share it. Pictures are the same without. */
 SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error);
-void sv_picture_finish(struct sv_picture *picture);
 /* The forest's drawing, for its sizes (sv_tree_draw_bytes); NULL when the scene has no trees. Borrowed. */
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer);
 /* The objects' drawing, for its sizes (sv_object_draw_relief_bytes); NULL when there are none. Borrowed. */
 const struct sv_object_draw *sv_renderer_objects(const struct sv_renderer *renderer);
 /* Encodes as request->format says (layers named as exr does). Heap bytes. */
-SV_MUST_CHECK enum sv_status sv_picture_encode(const struct sv_picture *picture, const struct sv_view_request *request,
-                                               const struct sv_resolved_view *view, int epsg, void **bytes, size_t *size,
-                                               struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_picture_encode(const struct sv_picture *picture,
+                                               const struct sv_view_request *request,
+                                               const struct sv_resolved_view *view, int epsg, void **bytes,
+                                               size_t *size, struct sv_error *error);
 
 #endif

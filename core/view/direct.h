@@ -1,0 +1,48 @@
+/* direct.h - everything of a scene drawn directly, by OSMesa and the kernels of core/tree: one sample
+ * position at a time. What the renderer makes pictures with, and cells their panels. One thread, with the
+ * context it made. */
+#ifndef SV_VIEW_DIRECT_H
+#define SV_VIEW_DIRECT_H
+
+#include "core/scene/scene.h"
+#include "core/tree/draw.h"
+#include "core/view/picture.h"
+#include "core/view/resolved.h"
+#include "core/view/timings.h"
+
+struct sv_direct;
+struct sv_object_draw;
+
+/* Makes the scene (borrowed for life) ready: GL textures, baked forms (store may be NULL), the light of its
+ * own sun. */
+SV_MUST_CHECK enum sv_status sv_direct_create(const struct sv_scene *scene, struct sv_store *store,
+                                              struct sv_direct **direct, struct sv_error *error);
+void sv_direct_destroy(struct sv_direct *direct); /* NULL is legal */
+/* As sv_renderer_warm_shadows. */
+SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, struct sv_error *error);
+
+struct sv_direct_pass {
+    unsigned layers;               /* bit set of 1u << enum sv_layer, not 0 */
+    bool sky;                      /* false: what shows the sky is 0, transparent */
+    bool trees;                    /* and the view's plan draws them */
+    double shift_x_px, shift_y_px; /* the sample inside the pixel */
+};
+
+/* Draws everything once into the layers of the picture (allocated, of the camera's size). Colour is
+ * premultiplied, depth window depth as GL has it (reversed). stats may be NULL. */
+SV_MUST_CHECK enum sv_status sv_direct_draw(struct sv_direct *direct, const struct sv_resolved_view *view,
+                                            const struct sv_direct_pass *pass, struct sv_picture *picture,
+                                            struct sv_draw_stats *stats, struct sv_error *error);
+/* Trees alone, in the form `auto`, those of the shell (NULL: all), over a canvas that holds the rest. stats
+ * may be NULL; near_trees and far_trees of it are added to. */
+SV_MUST_CHECK enum sv_status sv_direct_draw_trees(struct sv_direct *direct,
+                                                  const struct sv_resolved_view *view,
+                                                  const struct sv_tree_shell *shell,
+                                                  const struct sv_canvas *canvas, struct sv_draw_stats *stats,
+                                                  struct sv_error *error);
+
+/* Borrowed; NULL when there are none. */
+const struct sv_tree_draw *sv_direct_trees(const struct sv_direct *direct);
+const struct sv_object_draw *sv_direct_objects(const struct sv_direct *direct);
+
+#endif
