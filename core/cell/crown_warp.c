@@ -1,0 +1,270 @@
+/* crown_warp.c - map, buffer, and the walks: tiles of sources that can be seen, blocks of pixels. */
+#include "core/cell/crown_warp.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/cell/crown_warp_kernel.h"
+
+/* A point of the panel is v + (D / q) (xs right + ys up + forward); homogeneous, times q / D: (xs right + ys
+ * up
+ * + forward + q (v - eye) / D, q / D). */
+void sv_crown_map(struct sv_vec3 v, double distance_m, enum sv_cell_face face, const struct sv_camera *camera,
+                  double shift_x_px, double shift_y_px, double m[4][4])
+{
+    struct sv_vec3 axes[4];
+    struct sv_mat4 clip;
+    sv_cell_face_axes(face, &axes[0], &axes[1], &axes[3]);
+    axes[2] = sv_scale(sv_sub(v, camera->eye), 1 / distance_m);
+    sv_camera_clip_from_local(camera, shift_x_px, shift_y_px, &clip);
+    for (int column = 0; column < 4; column++) {
+        const struct sv_vec3 a = axes[column];
+        double c[4];
+        for (int row = 0; row < 4; row++) {
+            const double *r = clip.m[row];
+            c[row] = r[0] * a.x + r[1] * a.y + r[2] * a.z + (column == 2 ? r[3] / distance_m : 0);
+        }
+        m[0][column] = (c[3] + c[0]) * (0.5 * camera->width);
+        m[1][column] = (c[3] - c[1]) * (0.5 * camera->height);
+        m[2][column] = c[2];
+        m[3][column] = c[3];
+    }
+}
+
+enum sv_status sv_crown_buffer_create(int width, int row_first, int row_count,
+                                      struct sv_crown_buffer **buffer, struct sv_error *error)
+{
+    if (width < 1 || width > SV_VIEW_SIDE_MAX || row_first < 0 || row_first >= SV_VIEW_SIDE_MAX ||
+        row_count < 1 || row_count > SV_VIEW_SIDE_MAX)
+        return sv_fail(error, SV_EINVAL, "band", "of %d columns, rows %d and %d more is out of range", width,
+                       row_first, row_count);
+    struct sv_crown_buffer *b = calloc(1, sizeof *b);
+    if (!b)
+        return sv_fail(error, SV_ENOMEM, "band", "no memory for a buffer");
+    b->width = width;
+    b->row_first = row_first;
+    b->row_count = row_count;
+    b->stride = (width + 2 * SV_CROWN_APRON + 8 + 7) / 8 * 8;
+    b->blocks_x = (width + SV_CROWN_BLOCK - 1) / SV_CROWN_BLOCK;
+    b->blocks_y = (row_count + SV_CROWN_BLOCK - 1) / SV_CROWN_BLOCK;
+    b->epoch = UINT64_C(1) << SV_CROWN_EPOCH_SHIFT;
+    b->keys = calloc((size_t)b->stride * (size_t)(row_count + 2 * SV_CROWN_APRON), sizeof *b->keys);
+    b->closed = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
+    if (!b->keys || !b->closed) {
+        sv_crown_buffer_destroy(b);
+        return sv_fail(error, SV_ENOMEM, "band", "no memory for %d x %d pixels", width, row_count);
+    }
+    *buffer = b;
+    return SV_OK;
+}
+
+void sv_crown_buffer_destroy(struct sv_crown_buffer *buffer)
+{
+    if (!buffer)
+        return;
+    free(buffer->keys);
+    free(buffer->closed);
+    free(buffer);
+}
+
+void sv_crown_buffer_clear(struct sv_crown_buffer *buffer)
+{
+    const uint64_t one = UINT64_C(1) << SV_CROWN_EPOCH_SHIFT;
+    if (buffer->epoch < SV_CROWN_EPOCHS * one) {
+        buffer->epoch += one;
+        return;
+    }
+    size_t rows = (size_t)(buffer->row_count + 2 * SV_CROWN_APRON);
+    memset(buffer->keys, 0, rows * (size_t)buffer->stride * sizeof *buffer->keys);
+    buffer->epoch = one;
+}
+
+void sv_crown_buffer_begin(struct sv_crown_buffer *buffer)
+{
+    memset(buffer->closed, 0, (size_t)buffer->blocks_x * (size_t)buffer->blocks_y);
+    sv_crown_buffer_clear(buffer);
+}
+
+const struct sv_crown_kernel *sv_crown_kernel_of(enum sv_simd level)
+{
+    (void)level;
+    return &sv_crown_scalar;
+}
+
+/* ---- splat: which tiles ---- */
+
+static void splat_set(const struct sv_crown_source *source, unsigned k, struct sv_crown_buffer *buffer,
+                      struct sv_crown_splat *s)
+{
+    double texel = 2.0 / source->layer->size;
+    *s = (struct sv_crown_splat){.layer = source->layer, .buffer = buffer, .m = source->m};
+    for (int row = 0; row < 4; row++) {
+        s->du[row] = (float)(source->m[row][0] * texel);
+        s->dv[row] = (float)(-source->m[row][1] * texel);
+        s->dc[row] = (float)(source->m[row][2] / SV_PANEL_Q_ONE);
+        s->hu[row] = 0.5f * s->du[row];
+        s->hv[row] = 0.5f * s->dv[row];
+    }
+    s->lo_x = -SV_CROWN_APRON;
+    s->hi_x = (float)(buffer->width - 1 + SV_CROWN_APRON);
+    s->lo_y = (float)(buffer->row_first - SV_CROWN_APRON);
+    s->hi_y = (float)(buffer->row_first + buffer->row_count - 1 + SV_CROWN_APRON);
+    s->tag = (uint32_t)k << SV_CROWN_TEXEL_BITS;
+}
+
+/* Whether no pixel of columns x0 .. x1, rows y0 .. y1 (clipped to the band; never empty there before) lets
+ * light pass. */
+static bool all_closed(const struct sv_crown_buffer *buffer, int x0, int x1, int y0, int y1)
+{
+    int last_x = buffer->width - 1, last_y = buffer->row_count - 1;
+    x0 = (x0 > 0 ? x0 : 0) / SV_CROWN_BLOCK;
+    x1 = (x1 < last_x ? x1 : last_x) / SV_CROWN_BLOCK;
+    y0 = (y0 > buffer->row_first ? y0 - buffer->row_first : 0) / SV_CROWN_BLOCK;
+    y1 = (y1 - buffer->row_first < last_y ? y1 - buffer->row_first : last_y) / SV_CROWN_BLOCK;
+    for (int y = y0; y <= y1; y++)
+        for (int x = x0; x <= x1; x++)
+            if (!buffer->closed[y * buffer->blocks_x + x])
+                return false;
+    return true;
+}
+
+/* Corners of a tile, a whole texel beyond its outer texels' centres, at its least and largest q: with w > 0
+ * at all of them a linear fraction has its extremes there, and they hold the texels' boxes: along a line
+ * through a texel, f(t + 2 h) - f(t) = 2 h f'(t) w(t) / w(t + 2 h), and w(t + 2 h) < 2 w(t) since w(t - 2 h)
+ * > 0, so that h f'(t) is less than that. */
+static bool tile_seen(const struct sv_crown_splat *s, int tx, int ty, const struct sv_panel_tile *tile)
+{
+    float min_x = INFINITY, max_x = -INFINITY, min_y = INFINITY, max_y = -INFINITY;
+    double texel = 2.0 / s->layer->size;
+    double x0 = texel * (tx * SV_PANEL_TILE - 0.5) - 1, y0 = 1 - texel * (ty * SV_PANEL_TILE - 0.5);
+    int behind = 0, unknown = 0;
+    for (int k = 0; k < 8; k++) {
+        double xs = x0 + (k & 1 ? (SV_PANEL_TILE + 1) * texel : 0);
+        double ys = y0 - (k & 2 ? (SV_PANEL_TILE + 1) * texel : 0);
+        double q = (k & 4 ? tile->q_max : tile->q_min) * (1.0 / SV_PANEL_Q_ONE), p[4];
+        for (int row = 0; row < 4; row++)
+            p[row] = s->m[row][0] * xs + s->m[row][1] * ys + s->m[row][2] * q + s->m[row][3];
+        behind += p[3] <= 0;
+        unknown += !(p[3] > 0);
+        float x = (float)(p[0] / p[3]), y = (float)(p[1] / p[3]);
+        min_x = x < min_x ? x : min_x;
+        max_x = x > max_x ? x : max_x;
+        min_y = y < min_y ? y : min_y;
+        max_y = y > max_y ? y : max_y;
+    }
+    if (unknown > 0)
+        return behind < 8;
+    /* Beyond those: SV_CROWN_GROW and rounding, then the neighbours that resolve looks at. */
+    float x1 = fminf(max_x + 1.5f, s->hi_x), y1 = fminf(max_y + 1.5f, s->hi_y);
+    min_x = fmaxf(min_x - 1.5f, s->lo_x);
+    min_y = fmaxf(min_y - 1.5f, s->lo_y);
+    return min_x <= x1 && min_y <= y1 &&
+           !all_closed(s->buffer, (int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y), (int)floorf(y1));
+}
+
+void sv_crown_splat_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
+                       unsigned count, struct sv_crown_buffer *buffer, struct sv_crown_stats *stats)
+{
+    struct sv_crown_stats sum = {0, 0, 0};
+    assert(count <= SV_CROWN_SOURCES_MAX);
+    for (unsigned k = 0; k < count; k++) {
+        const struct sv_panel_layer *layer = sources[k].layer;
+        int side = sv_panel_tiles(layer->size);
+        struct sv_crown_splat splat;
+        splat_set(&sources[k], k, buffer, &splat);
+        for (int ty = 0; ty < side; ty++)
+            for (int tx = 0; tx < side; tx++) {
+                const struct sv_panel_tile *tile = &layer->tiles[ty * side + tx];
+                if (tile->count == 0)
+                    continue;
+                sum.tiles++;
+                if (!tile_seen(&splat, tx, ty, tile))
+                    continue;
+                sum.drawn++;
+                sum.texels += tile->count;
+                kernel->tile(&splat, tx, ty);
+            }
+    }
+    if (stats) {
+        stats->tiles += sum.tiles;
+        stats->drawn += sum.drawn;
+        stats->texels += sum.texels;
+    }
+}
+
+void sv_crown_splat(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
+                    struct sv_crown_stats *stats)
+{
+    sv_crown_splat_at(sv_crown_kernel_of(sv_simd_level()), sources, count, buffer, stats);
+}
+
+/* ---- resolve ---- */
+
+static double det3(const double a[3], const double b[3], const double c[3])
+{
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) +
+           a[2] * (b[0] * c[1] - b[1] * c[0]);
+}
+
+/* Row k of A^-1 is the cross product of A's two other columns over its determinant. */
+static void inverse_row(const double a[3], const double b[3], double scale, double row[3])
+{
+    row[0] = scale * (a[1] * b[2] - a[2] * b[1]);
+    row[1] = scale * (a[2] * b[0] - a[0] * b[2]);
+    row[2] = scale * (a[0] * b[1] - a[1] * b[0]);
+}
+
+static void inverse_set(const struct sv_crown_source *source, struct sv_crown_inverse *v)
+{
+    double column[4][3], row[3][3], g[3], half = 0.5 * source->layer->size;
+    static const int rows[3] = {0, 1, 3};
+    for (int c = 0; c < 4; c++)
+        for (int r = 0; r < 3; r++)
+            column[c][r] = source->m[rows[r]][c];
+    double det = det3(column[0], column[1], column[3]);
+    inverse_row(column[1], column[3], 1 / det, row[0]);
+    inverse_row(column[3], column[0], 1 / det, row[1]);
+    inverse_row(column[0], column[1], 1 / det, row[2]);
+    for (int k = 0; k < 3; k++)
+        g[k] = row[k][0] * column[2][0] + row[k][1] * column[2][1] + row[k][2] * column[2][2];
+    *v = (struct sv_crown_inverse){.layer = source->layer, .legal = isfinite(1 / det)};
+    for (int k = 0; k < 3; k++) {
+        double scale = k == 0 ? half : k == 1 ? -half : 1;
+        v->dx[k] = (float)(scale * row[k][0]);
+        v->dy[k] = (float)(scale * row[k][1]);
+        v->at[k] = (float)(scale * (0.5 * row[k][0] + 0.5 * row[k][1] + row[k][2]));
+    }
+    v->gw = (float)(g[2] / SV_PANEL_Q_ONE);
+    v->gu = (float)(-half * g[0] / SV_PANEL_Q_ONE);
+    v->gv = (float)(half * g[1] / SV_PANEL_Q_ONE);
+    v->middle = 0.5f * (float)(source->layer->size - 1);
+    v->last = (float)(source->layer->size - 1);
+}
+
+void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
+                         unsigned count, struct sv_crown_buffer *buffer, const float *depth, float tolerance,
+                         float (*light)[4])
+{
+    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_MAX];
+    assert(count <= SV_CROWN_SOURCES_MAX);
+    for (unsigned k = 0; k < count; k++)
+        inverse_set(&sources[k], &inverse[k]);
+    struct sv_crown_resolve resolve = {inverse, buffer, depth, 1 - tolerance, light};
+    for (int y = 0; y < buffer->blocks_y; y++)
+        for (int x = 0; x < buffer->blocks_x; x++) {
+            uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x], all = 1;
+            int i0 = x * SV_CROWN_BLOCK, j0 = y * SV_CROWN_BLOCK;
+            int i1 = i0 + SV_CROWN_BLOCK < buffer->width ? i0 + SV_CROWN_BLOCK : buffer->width;
+            int j1 = j0 + SV_CROWN_BLOCK < buffer->row_count ? j0 + SV_CROWN_BLOCK : buffer->row_count;
+            for (int j = j0; j < j1 && !*closed; j++)
+                all &= kernel->row(&resolve, j, i0, i1);
+            *closed |= all;
+        }
+}
+
+void sv_crown_resolve(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
+                      const float *depth, float tolerance, float (*light)[4])
+{
+    sv_crown_resolve_at(sv_crown_kernel_of(sv_simd_level()), sources, count, buffer, depth, tolerance, light);
+}

@@ -1,0 +1,80 @@
+/* crown_warp.h - the crowns of panels (panel.h) straight into a view: z-buffered splats of texels, then each
+ * pixel's exact place on its panel, filtered, under what light still passes.
+ *
+ * A source is a crowns layer and the map of its texels to the picture,
+ *     (x w, y w, d w, w)^T = m (xs, ys, q, 1)^T
+ * x to the right and y down in px (pixel (i, j) has its centre at (i + 0.5, j + 0.5)), d the reversed window
+ * depth near / Z, w > 0 in front of the eye (algorithms.md 2.2; sv_crown_map makes it).
+ *
+ * Flow of a frame: begin; for each ring, nearest first: clear, splat all faces that are in view (nearest
+ * texel wins a pixel), resolve into light, front to back. So a ring shows one texel a pixel, rings show
+ * through one another.
+ *
+ * Splat. An occupied texel covers the pixel centres in a box around its own centre that holds its square:
+ * half width h (|dx/dxs| + |dx/dys|), height alike, h = 1 / size being half a texel, and SV_CROWN_GROW px
+ * more on each side, at most SV_CROWN_HALF_MAX in all: neighbours of one q leave no gap up to magnifications
+ * of that. Texels with w <= 0, d outside [0, 1] or anything not finite are not drawn. Among equal d the lower
+ * source, then the lower texel (row by row) wins.
+ *
+ * Resolve. With q the stored one of the texel that won, the pixel's centre shows the panel at (own
+ * derivation, m = [a b c e] in columns, rows x, y, w; A = [a b e], r = A^-1 (x, y, 1), g = A^-1 c) xs = (r_x
+ * / r_w) (1 + q g_w) - q g_x,   ys = (r_y / r_w) (1 + q g_w) - q g_y exactly: colour is bilinear there, in
+ * linear light and premultiplied. A pixel that no texel covers takes the farthest of its eight neighbours' q:
+ * what has opened between two texels shows what lies beside the far one, and beyond a silhouette there is
+ * nothing to be seen (coverage 0).
+ *
+ * Results do not depend on the SIMD level, on the order of tiles, or on how a picture is cut into bands: rows
+ * of a band are bit for bit those of the whole picture. One thread at a time a buffer; any process. */
+#ifndef SV_CELL_CROWN_WARP_H
+#define SV_CELL_CROWN_WARP_H
+
+#include "core/base/error.h"
+#include "core/cell/lattice.h"
+#include "core/cell/panel.h"
+#include "core/view/camera.h"
+
+enum { SV_CROWN_SOURCES_MAX = 12, SV_CROWN_HALF_MAX = 8 };
+#define SV_CROWN_GROW (1.0f / 64)
+/* Pixels that let less light through are done. */
+#define SV_CROWN_PASS_MIN (1.0f / 255)
+
+struct sv_crown_source {
+    const struct sv_panel_layer *layer;
+    double m[4][4]; /* rows x, y, d, w; columns xs, ys, q, 1 */
+};
+
+/* The map of a face of the cell at v (world) with distance D to a perspective camera's picture; shift as in
+ * sv_camera_clip_from_local. (Of an orthographic camera A is singular, and nothing is resolved.) */
+void sv_crown_map(struct sv_vec3 v, double distance_m, enum sv_cell_face face, const struct sv_camera *camera,
+                  double shift_x_px, double shift_y_px, double m[4][4]);
+
+/* Rows row_first .. row_first + row_count - 1 of a picture. */
+struct sv_crown_buffer;
+struct sv_crown_stats { /* added to */
+    uint64_t tiles;     /* that are occupied ... */
+    uint64_t drawn;     /* ... and neither out of view nor behind what lets no light through */
+    uint64_t texels;    /* occupied ones of drawn tiles */
+};
+
+/* width 1 .. 4096, row_first 0 .. 4095, row_count 1 .. 4096. SV_EINVAL, SV_ENOMEM. Starts as after begin and
+ * clear. */
+SV_MUST_CHECK enum sv_status sv_crown_buffer_create(int width, int row_first, int row_count,
+                                                    struct sv_crown_buffer **buffer, struct sv_error *error);
+void sv_crown_buffer_destroy(struct sv_crown_buffer *buffer); /* NULL is legal */
+/* A new frame: whatever light is resolved into next lets all light through, as far as splats know, and the
+ * buffer is empty. */
+void sv_crown_buffer_begin(struct sv_crown_buffer *buffer);
+/* A new ring of the same frame: empties the buffer (in next to no time). */
+void sv_crown_buffer_clear(struct sv_crown_buffer *buffer);
+
+/* Splats sources 0 .. count - 1 (at most SV_CROWN_SOURCES_MAX) of one ring, all of them in one call. Only
+ * pixels that resolve found done since begin may be left out. stats may be NULL. */
+void sv_crown_splat(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
+                    struct sv_crown_stats *stats);
+/* Front to back: light[p] = {r, g, b linear gathered so far, what still passes}, p over the band, row by row.
+ * depth: the window depth of opaque things (0: sky), of the band; NULL: none; a texel of d < depth (1 -
+ * tolerance) is left out. The same sources as in the splat. Between begin and begin always the same light. */
+void sv_crown_resolve(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
+                      const float *depth, float tolerance, float (*light)[4]);
+
+#endif

@@ -1,0 +1,127 @@
+/* panel.h - what is seen from a cell's reference point through one face, kept to be warped: memory of the
+ * layers, and crowns out of a drawn canvas.
+ *
+ * A panel is ONE block of memory (it may be shared between processes): a header, then its layers. size x size
+ * texels over the 90 degrees of a face; texel (i, j), row 0 at the top, looks along xs = 2 (i + 0.5) / size -
+ * 1 to the right and ys = 1 - 2 (j + 0.5) / size up (tangents). What it shows is at depth Z along the face's
+ * forward, stored as q = D / Z, D the ring's distance: 0 infinitely far, 1 on the face's plane, up to 2 for
+ * crowns that reach over it (algorithms.md 2.1, 2.2).
+ *
+ * Crowns are see-through: colour premultiplied by coverage, rgb = 255 sqrt(linear), a = 255 coverage; q a
+ * code of 1 / 32768. A texel is occupied where its code is not 0: texels that show something, and around them
+ * a rim of empty ones (colour 0) that carry their neighbours' q, so that bilinear edges are whole. Tiles of
+ * 16 x 16 texels say how many are occupied and between which q, so that empty ones cost nothing.
+ *
+ * Ground is opaque, as core/relief/warp.h takes it: sRGB straight, a 255 or 0, q in float (0: nothing).
+ *
+ * Nothing here checks texels: any bits are legal, and readers stay in bounds whatever they hold. Plain
+ * values; any thread, but a block has one writer and is read only when it is whole. */
+#ifndef SV_CELL_PANEL_H
+#define SV_CELL_PANEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "core/base/error.h"
+#include "core/cell/lattice.h"
+
+enum { SV_PANEL_SIZE_MIN = 16, SV_PANEL_SIZE_MAX = 4096, SV_PANEL_TILE = 16 };
+enum { SV_PANEL_CROWNS = 1, SV_PANEL_GROUND = 2 }; /* layers, as bits */
+/* The code of q = 1. */
+#define SV_PANEL_Q_ONE 32768
+/* Arrays begin at multiples of this many bytes of the block, and this many are readable after each. */
+enum { SV_PANEL_ALIGN = 64 };
+
+struct sv_panel_tile {
+    uint16_t q_min, q_max; /* of occupied texels */
+    uint16_t count;        /* of them; 0: the tile is empty */
+    uint16_t reserved;     /* 0 */
+};
+
+/* Crowns, to read. Tiles row by row, sv_panel_tiles(size) a side, those of the last row and column cut off at
+ * the panel's end. SV_PANEL_ALIGN bytes after color and q are readable. */
+struct sv_panel_layer {
+    int size;
+    const uint8_t (*color)[4];
+    const uint16_t *q;
+    const struct sv_panel_tile *tiles;
+};
+struct sv_panel_ground {
+    int size;
+    const uint8_t (*color)[4];
+    const float *q;
+};
+
+/* What a panel is; written into the header. */
+struct sv_panel_about {
+    uint64_t key;               /* the caller's own */
+    struct sv_cell_place place; /* its ring and reference point */
+    double distance_m;          /* D */
+    enum sv_cell_face face;
+    int size;        /* SV_PANEL_SIZE_MIN .. SV_PANEL_SIZE_MAX */
+    unsigned layers; /* SV_PANEL_CROWNS | SV_PANEL_GROUND, at least one */
+};
+
+/* A panel to read; borrows the block. Layers that are not there have size 0 and NULL. */
+struct sv_panel {
+    struct sv_panel_about about;
+    struct sv_panel_layer crowns;
+    struct sv_panel_ground ground;
+};
+
+/* The arrays of a block, to write; NULL where a layer is not there. */
+struct sv_panel_room {
+    int size;
+    uint8_t (*color)[4];
+    uint16_t *q;
+    struct sv_panel_tile *tiles;
+    uint8_t (*ground_color)[4];
+    float *ground_q;
+};
+
+/* Tiles a side: size / 16, rounded up. */
+static inline int sv_panel_tiles(int size)
+{
+    return (size + SV_PANEL_TILE - 1) / SV_PANEL_TILE;
+}
+
+/* Bytes of a block, a multiple of SV_PANEL_ALIGN; 0 where size or layers are not legal. */
+size_t sv_panel_bytes(int size, unsigned layers);
+
+/* Writes the header and what lies between the arrays (0), and gives the arrays, whose content is left as it
+ * is: a builder writes all of it. block: sv_panel_bytes(...) bytes, aligned to SV_PANEL_ALIGN. SV_EINVAL
+ * (about.face, about.size, about.layers, D not positive, the block too small or not aligned), with nothing
+ * written. */
+SV_MUST_CHECK enum sv_status sv_panel_init(void *block, size_t bytes, const struct sv_panel_about *about,
+                                           struct sv_panel_room *room, struct sv_error *error);
+/* Reads a block that another process may have written: the header is copied once and checked in full; texels
+ * are not (see above). SV_EFORMAT: not a panel, another version, or one that does not fit into `bytes`. */
+SV_MUST_CHECK enum sv_status sv_panel_open(const void *block, size_t bytes, struct sv_panel *panel,
+                                           struct sv_error *error);
+
+/* Crowns drawn from the reference point, as a builder hands them over: planes of a canvas (canvas.h) of size
+ * * scale squared, whose camera stands there, looks along the face's forward and spans its 90 degrees. */
+struct sv_panel_drawing {
+    const uint8_t *color; /* RGBA, sRGB code of linear light, premultiplied by coverage */
+    const float *depth;   /* reversed window depth of the crowns' surface; not > 0, or NaN: unknown */
+    const float
+        *opaque;        /* what depth was before the crowns: the same value now is unknown; NULL: all known */
+    double q_per_depth; /* D over the camera's near plane */
+    int scale;          /* pixels a texel along a side, 1 .. SV_PANEL_SCALE_MAX */
+};
+enum { SV_PANEL_SCALE_MAX = 8, SV_PANEL_REACH = 4 };
+
+/* Fills a room's crowns layer. A texel is the mean of its scale x scale pixels in linear light, empty where
+ * its coverage rounds to code 0; its q is the mean of those pixels that show something and know their q,
+ * weighted by coverage. A texel that shows something whose q is unknown takes the largest known one at the
+ * least distance (largest of row's and column's), up to SV_PANEL_REACH texels, else that of the farthest
+ * known texel of the panel (1 where there is none). q is rounded to nearest and kept within codes 1 .. 65535.
+ * SV_ENOMEM, with the layer half written. */
+SV_MUST_CHECK enum sv_status sv_panel_crowns(const struct sv_panel_drawing *drawing,
+                                             const struct sv_panel_room *room, struct sv_error *error);
+
+/* The last steps of sv_panel_crowns for whoever writes color and q himself (code 0 where a = 0): rims, then
+ * tiles. */
+void sv_panel_finish_crowns(const struct sv_panel_room *room);
+
+#endif

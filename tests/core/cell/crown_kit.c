@@ -1,0 +1,201 @@
+/* crown_kit.c - see crown_kit.h. */
+#include "tests/core/cell/crown_kit.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void crown_panel_make(int size, struct crown_panel *p)
+{
+    struct sv_panel_about about = {
+        .distance_m = 20, .face = SV_CELL_NORTH, .size = size, .layers = SV_PANEL_CROWNS};
+    size_t bytes = sv_panel_bytes(size, SV_PANEL_CROWNS);
+    p->block = aligned_alloc(SV_PANEL_ALIGN, bytes);
+    if (!p->block || sv_panel_init(p->block, bytes, &about, &p->room, NULL) != SV_OK)
+        abort();
+    memset(p->room.color, 0, (size_t)size * (size_t)size * 4);
+    memset(p->room.q, 0, (size_t)size * (size_t)size * 2);
+    sv_panel_finish_crowns(&p->room);
+    if (sv_panel_open(p->block, bytes, &p->panel, NULL) != SV_OK)
+        abort();
+}
+
+void crown_panel_free(struct crown_panel *p)
+{
+    free(p->block);
+}
+
+static void blob(struct crown_panel *p, struct sv_rng *rng, double radius, double q)
+{
+    int size = p->room.size, rgb[3];
+    double x = sv_rng_range(rng, 0, size), y = sv_rng_range(rng, 0, size);
+    for (int c = 0; c < 3; c++)
+        rgb[c] = (int)sv_rng_range(rng, 20, 235);
+    for (int j = (int)fmax(y - radius, 0); j < (int)fmin(y + radius + 1, size); j++)
+        for (int i = (int)fmax(x - radius, 0); i < (int)fmin(x + radius + 1, size); i++) {
+            double r = hypot(i + 0.5 - x, j + 0.5 - y) / radius, hole = sv_rng_unit(rng);
+            size_t k = (size_t)j * (size_t)size + (size_t)i;
+            double depth = q * (1 + 0.05 * sqrt(fmax(1 - r * r, 0)));
+            if (r > 1 || hole < 0.15 + 0.5 * r * r || depth * SV_PANEL_Q_ONE < p->room.q[k])
+                continue;
+            double a = sv_rng_unit(rng) < 0.7 ? 1 : sv_rng_range(rng, 0.1, 1);
+            for (int c = 0; c < 3; c++)
+                p->room.color[k][c] = (uint8_t)(rgb[c] * sqrt(a) * sv_rng_range(rng, 0.8, 1));
+            p->room.color[k][3] = (uint8_t)(255 * a);
+            p->room.q[k] = (uint16_t)fmin(fmax(depth * SV_PANEL_Q_ONE, 1), 65535);
+        }
+}
+
+void crown_panel_blobs(struct crown_panel *p, struct sv_rng *rng, double cover, double q_lo, double q_hi)
+{
+    double area = (double)p->room.size * p->room.size, left = 1.6 * cover * area;
+    while (left > 0) {
+        double radius = fmin(0.1, 2.0 / sqrt(area) + 0.05 * sv_rng_unit(rng)) * sqrt(area);
+        blob(p, rng, radius, sv_rng_range(rng, q_lo, q_hi));
+        left -= 0.7 * SV_PI * radius * radius;
+    }
+    sv_panel_finish_crowns(&p->room);
+}
+
+void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q)
+{
+    for (size_t k = 0; k < (size_t)p->room.size * (size_t)p->room.size; k++) {
+        memcpy(p->room.color[k], color, 4);
+        p->room.q[k] = (uint16_t)lrint(q * SV_PANEL_Q_ONE);
+    }
+    sv_panel_finish_crowns(&p->room);
+}
+
+struct sv_camera crown_camera(enum sv_cell_face face, struct sv_vec3 v, double distance_m,
+                              struct sv_vec3 offset, const double turn[3], double vfov_rad, int width,
+                              int height)
+{
+    static const double heading[SV_CELL_FACES] = {90, 0, 270, 180, 0, 0};
+    static const double pitch[SV_CELL_FACES] = {0, 0, 0, 0, -90, 90};
+    struct sv_camera c = {.eye = sv_madd(v, offset, distance_m),
+                          .vfov_rad = vfov_rad,
+                          .width = width,
+                          .height = height,
+                          .near_m = 0.1 * distance_m,
+                          .projection = SV_PROJECTION_PERSPECTIVE};
+    sv_camera_aim(&c, sv_radians(heading[face]) + turn[0], sv_radians(pitch[face]) + turn[1], turn[2]);
+    return c;
+}
+
+/* ---- brute force ---- */
+
+/* What rounding to float may move a position by: px. */
+static const double SURE_PX = 1e-3;
+
+struct shot {
+    double x, y, d, half_x, half_y;
+};
+
+static bool project(const struct sv_crown_source *s, int i, int j, struct shot *shot)
+{
+    int size = s->layer->size;
+    double xs = 2 * (i + 0.5) / size - 1, ys = 1 - 2 * (j + 0.5) / size, h = 1.0 / size, p[4];
+    double q = s->layer->q[(size_t)j * (size_t)size + (size_t)i] / (double)SV_PANEL_Q_ONE;
+    for (int k = 0; k < 4; k++)
+        p[k] = s->m[k][0] * xs + s->m[k][1] * ys + s->m[k][2] * q + s->m[k][3];
+    if (!(q > 0 && p[3] > 0))
+        return false;
+    shot->x = p[0] / p[3];
+    shot->y = p[1] / p[3];
+    shot->d = p[2] / p[3];
+    double dx = fabs(s->m[0][0] - shot->x * s->m[3][0]) + fabs(s->m[0][1] - shot->x * s->m[3][1]);
+    double dy = fabs(s->m[1][0] - shot->y * s->m[3][0]) + fabs(s->m[1][1] - shot->y * s->m[3][1]);
+    shot->half_x = fmin(h * dx / p[3] + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
+    shot->half_y = fmin(h * dy / p[3] + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
+    return shot->d >= 0 && shot->d <= 1;
+}
+
+/* The nearest texel whose box holds the centre of pixel (i, row). */
+static void nearest(const struct sv_crown_source *sources, unsigned count, int i, int row,
+                    struct crown_truth *t)
+{
+    double second = -1;
+    *t = (struct crown_truth){.d = -1};
+    double unsure_d = -1;
+    for (unsigned k = 0; k < count; k++) {
+        int size = sources[k].layer->size;
+        for (int texel = 0; texel < size * size; texel++) {
+            struct shot s;
+            if (sources[k].layer->q[texel] == 0 || !project(&sources[k], texel % size, texel / size, &s))
+                continue;
+            double out = fmax(fabs(i + 0.5 - s.x) - s.half_x, fabs(row + 0.5 - s.y) - s.half_y);
+            if (fabs(out) < SURE_PX)
+                unsure_d = fmax(unsure_d, s.d);
+            if (out > 0)
+                continue;
+            if (s.d > t->d) {
+                second = t->d;
+                *t = (struct crown_truth){.any = true, .source = k, .texel = texel, .d = s.d};
+            } else {
+                second = fmax(second, s.d);
+            }
+        }
+    }
+    /* Depth in float: some units in the last place; equal depths are decided by the texel's number, as here.
+     */
+    t->unsure = unsure_d > t->d * (1 - 1e-5) || (second < t->d && second > t->d * (1 - 1e-5));
+}
+
+static void mean_of(const struct sv_panel_layer *layer, double u, double v, double color[4])
+{
+    int last = layer->size - 1;
+    u = fmin(fmax(u, 0), last);
+    v = fmin(fmax(v, 0), last);
+    int i = (int)fmin(u, last - 1), j = (int)fmin(v, last - 1);
+    memset(color, 0, 4 * sizeof *color);
+    for (int k = 0; k < 4; k++) {
+        int x = i + (k & 1), y = j + (k >> 1);
+        double w = (1 - fabs(u - x)) * (1 - fabs(v - y));
+        const uint8_t *c = layer->color[(size_t)y * (size_t)layer->size + (size_t)x];
+        for (int n = 0; n < 3; n++)
+            color[n] += w * (c[n] / 255.0) * (c[n] / 255.0);
+        color[3] += w * c[3] / 255.0;
+    }
+}
+
+/* Where the centre of the pixel lies on the plane of the texel's q: xs and ys by Cramer's rule from m (xs,
+ * ys, q, 1) ~ (x, y, ., 1). */
+static void place_of(const struct sv_crown_source *s, double x, double y, struct crown_truth *t)
+{
+    double q = s->layer->q[t->texel] / (double)SV_PANEL_Q_ONE;
+    double a[2][3];
+    for (int r = 0; r < 2; r++) {
+        double p = r == 0 ? x : y;
+        a[r][0] = s->m[r][0] - p * s->m[3][0];
+        a[r][1] = s->m[r][1] - p * s->m[3][1];
+        a[r][2] = -(s->m[r][2] - p * s->m[3][2]) * q - (s->m[r][3] - p * s->m[3][3]);
+    }
+    double det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+    double xs = (a[0][2] * a[1][1] - a[0][1] * a[1][2]) / det;
+    double ys = (a[0][0] * a[1][2] - a[0][2] * a[1][0]) / det;
+    t->u = (xs + 1) * s->layer->size / 2 - 0.5;
+    t->v = (1 - ys) * s->layer->size / 2 - 0.5;
+    mean_of(s->layer, t->u, t->v, t->color);
+}
+
+void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i, int row,
+                    struct crown_truth *truth)
+{
+    nearest(sources, count, i, row, truth);
+    if (!truth->any) {
+        struct crown_truth far = {.d = INFINITY};
+        bool unsure = truth->unsure;
+        for (int k = 0; k < 9; k++) {
+            struct crown_truth t;
+            nearest(sources, count, i + k % 3 - 1, row + k / 3 - 1, &t);
+            unsure |= t.unsure || (t.any && t.d != far.d && fabs(t.d - far.d) < 1e-5 * t.d);
+            if (t.any && (t.d < far.d || (t.d == far.d && (t.source > far.source ||
+                                                           (t.source == far.source && t.texel > far.texel)))))
+                far = t;
+        }
+        *truth = far;
+        truth->unsure = unsure;
+    }
+    if (truth->any)
+        place_of(&sources[truth->source], i + 0.5, row + 0.5, truth);
+}
