@@ -7,6 +7,7 @@
 
 #include "core/base/color.h"
 #include "core/base/hash.h"
+#include "core/cell/panel_ground.h"
 #include "core/gl/context.h"
 #include "core/gl/frame.h"
 #include "core/gl/target.h"
@@ -426,6 +427,46 @@ enum sv_status sv_direct_draw_trees(struct sv_direct *r, const struct sv_resolve
     if (!status)
         status = sv_gl_frame_begin(&frame, error);
     return status ? status : draw_trees(r, view, &frame, shadows, shell, canvas, stats, error);
+}
+
+enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resolved_view *view, bool sky,
+                                      const float *depth, const uint8_t *hidden, uint8_t *rgba,
+                                      struct sv_error *error)
+{
+    struct sv_gl_frame frame;
+    bool shadows;
+    frame_of(view, 0, 0, &frame);
+    enum sv_status status = prepare_shadows(r, view, &frame, &shadows, error);
+    if (status)
+        return status;
+    struct sv_ground_view ground = {.camera = &frame.camera,
+                                    .light = &frame.light,
+                                    .shadows = shadows ? r->pages : NULL,
+                                    .sky = sky,
+                                    .depth = depth,
+                                    .hidden = hidden};
+    sv_ground_shade(r->ground, &ground, rgba);
+    return SV_OK;
+}
+
+/* Neighbours on the panel whose q differ by more lie on different sheets: the same for colour and for the warp. */
+enum sv_status sv_direct_ground_panel(struct sv_direct *r, const struct sv_resolved_view *view,
+                                      const struct sv_sweep *sweep, int samples, float *q, uint8_t (*color)[4],
+                                      struct sv_error *error)
+{
+    struct sv_gl_frame frame;
+    bool shadows;
+    frame_of(view, 0, 0, &frame);
+    enum sv_status status = prepare_shadows(r, view, &frame, &shadows, error);
+    if (status)
+        return status;
+    struct sv_panel_ground_options options = {.sweep = *sweep,
+                                              .ground = r->ground,
+                                              .light = &frame.light,
+                                              .shadows = shadows ? r->pages : NULL,
+                                              .samples = samples,
+                                              .cut = SV_DIRECT_GROUND_CUT};
+    return sv_panel_ground_make(&options, q, color, error);
 }
 
 const struct sv_tree_draw *sv_direct_trees(const struct sv_direct *direct)

@@ -4,6 +4,7 @@
 #ifndef SV_VIEW_DIRECT_H
 #define SV_VIEW_DIRECT_H
 
+#include "core/cell/sweep.h"
 #include "core/scene/scene.h"
 #include "core/tree/draw.h"
 #include "core/view/picture.h"
@@ -11,6 +12,8 @@
 #include "core/view/timings.h"
 
 struct sv_direct;
+/* Neighbouring texels of a ground panel whose q differ by more lie on different sheets. */
+#define SV_DIRECT_GROUND_CUT 0.02F
 struct sv_object_draw;
 
 /* Makes the scene (borrowed for life) ready: GL textures, baked forms (store may be NULL), the light of its
@@ -40,6 +43,16 @@ SV_MUST_CHECK enum sv_status sv_direct_draw_trees(struct sv_direct *direct,
                                                   const struct sv_tree_shell *shell,
                                                   const struct sv_canvas *canvas, struct sv_draw_stats *stats,
                                                   struct sv_error *error);
+
+/* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth alone (0:
+ * sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB, width * height * 4. */
+SV_MUST_CHECK enum sv_status sv_direct_shade_ground(struct sv_direct *direct, const struct sv_resolved_view *view,
+                                                    bool sky, const float *depth, const uint8_t *hidden,
+                                                    uint8_t *rgba, struct sv_error *error);
+/* A ground panel (core/cell/panel_ground.h) under the view's light; its camera is not read. */
+SV_MUST_CHECK enum sv_status sv_direct_ground_panel(struct sv_direct *direct, const struct sv_resolved_view *view,
+                                                    const struct sv_sweep *sweep, int samples, float *q,
+                                                    uint8_t (*color)[4], struct sv_error *error);
 
 /* Borrowed; NULL when there are none. */
 const struct sv_tree_draw *sv_direct_trees(const struct sv_direct *direct);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/base/color.h"
+#include "core/view/cells.h"
 #include "core/view/direct.h"
 #include "core/truth/truth.h"
 
@@ -13,6 +14,7 @@ struct sv_renderer {
     const struct sv_scene *scene;
     struct sv_direct *direct;
     struct sv_truth *truth;
+    struct sv_cells *cells; /* NULL: none */
     sv_clock_ms clock;
 };
 
@@ -21,6 +23,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     if (!renderer)
         return;
     sv_truth_destroy(renderer->truth);
+    sv_cells_destroy(renderer->cells);
     sv_direct_destroy(renderer->direct);
     free(renderer);
 }
@@ -34,6 +37,10 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     r->scene = scene;
     r->clock = options->clock;
     enum sv_status status = sv_direct_create(scene, options->store, &r->direct, error);
+    if (!status && options->cells) {
+        struct sv_cells_options cells = {options->cells, options->cells_slot, options->clock};
+        status = sv_cells_create(scene, r->direct, &cells, &r->cells, error);
+    }
     if (!status && options->truth)
         status = sv_truth_create(scene, &r->truth, error);
     if (status) {
@@ -157,6 +164,21 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
     return status;
 }
 
+static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_request *request,
+                                 const struct sv_resolved_view *view, struct sv_picture *picture,
+                                 struct sv_timings *timings, struct sv_draw_stats *stats, struct sv_error *error)
+{
+    struct sv_cells_report report;
+    enum sv_status status = sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, true,
+                                          picture->layer[SV_LAYER_COLOR].data, &report, stats, error);
+    for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
+        if (report.ms[k] >= 0)
+            timings->ms[k] = fmax(timings->ms[k], 0) + report.ms[k];
+    if (!status && !request->sky)
+        straighten(&picture->layer[SV_LAYER_COLOR]);
+    return status;
+}
+
 static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_request *request,
                                    const struct sv_resolved_view *view, struct sv_picture *picture,
                                    struct sv_timings *timings, struct sv_error *error)
@@ -192,9 +214,10 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
     struct sv_picture picture = {0};
     struct sv_draw_stats own = {0};
     enum sv_status status = sv_picture_alloc(&view->camera, request->layers, &picture, error);
+    bool cells = renderer->cells && view->plan.relief == SV_RELIEF_ON && sv_cells_can(view, request->layers);
     if (!status)
-        status = view->plan.raycast
-                     ? draw_raycast(renderer, request, view, &picture, timings, error)
+        status = view->plan.raycast ? draw_raycast(renderer, request, view, &picture, timings, error)
+                 : cells ? draw_cells(renderer, request, view, &picture, timings, stats ? stats : &own, error)
                      : draw_raster(renderer, request, view, &picture, timings, stats ? stats : &own, error);
     if (status) {
         sv_picture_finish(&picture);

@@ -10,6 +10,7 @@
 struct sv_renderer;
 struct sv_tree_draw;
 struct sv_object_draw;
+struct sv_cell_cache;
 
 /* Monotonic milliseconds; given from above so that core has no clock of its own. */
 typedef double (*sv_clock_ms)(void);
@@ -18,6 +19,8 @@ struct sv_renderer_options {
     struct sv_store *store; /* may be NULL */
     sv_clock_ms clock;      /* may be NULL: timings stay negative */
     bool truth;             /* build the ray-cast reference now; otherwise at its first use */
+    struct sv_cell_cache *cells; /* of relief panels, borrowed; NULL: every view is drawn directly */
+    unsigned cells_slot;         /* of this process in it */
 };
 
 SV_MUST_CHECK enum sv_status sv_renderer_create(const struct sv_scene *scene,

@@ -182,6 +182,7 @@ static void resolve_plan(const struct sv_view_request *request, struct sv_plan *
     bool reference = request->quality == SV_QUALITY_REFERENCE;
     plan->raycast = reference || request->trees == SV_TREES_RAYCAST;
     plan->draw_trees = request->trees != SV_TREES_NONE;
+    plan->relief = request->relief;
     plan->shadows = request->shadows;
     plan->samples = request->samples ? request->samples : reference ? 16 : 1;
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;

@@ -22,6 +22,7 @@ struct sv_plan {
     int leaf_samples;        /* a pixel, of near trees in pictures of one sample */
     enum sv_trees trees;     /* the form */
     double tree_error_px;    /* auto: trees are sprites where those are off by at most this */
+    enum sv_relief_mode relief;
 };
 
 struct sv_resolved_view {

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <time.h>
 
 #include "core/base/color.h"
@@ -57,6 +58,26 @@ double forest_median(double *values, int count)
     return count & 1 ? values[count / 2] : 0.5 * (values[count / 2 - 1] + values[count / 2]);
 }
 
+static size_t cells_bytes;
+
+void forest_use_cells(size_t bytes)
+{
+    cells_bytes = bytes;
+}
+
+static void make_cells(struct forest *forest)
+{
+    struct sv_error error = {0};
+    if (cells_bytes == 0)
+        return;
+    void *memory = mmap(NULL, cells_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (memory == MAP_FAILED ||
+        sv_cell_cache_make(memory, cells_bytes, &SV_CELL_CACHE_OPTIONS_DEFAULT, &forest->cells, &error)) {
+        fprintf(stderr, "cells: %s\n", error.message);
+        exit(1);
+    }
+}
+
 /* Reads the file at path, or parses text. */
 static void open_scene(const char *path, const char *text, size_t bytes, bool truth, struct forest *forest)
 {
@@ -75,7 +96,9 @@ static void open_scene(const char *path, const char *text, size_t bytes, bool tr
             fprintf(stderr, "%s: %s\n", errors.items[k].field, errors.items[k].message);
         exit(1);
     }
-    struct sv_renderer_options render = {.store = forest->store, .clock = forest_now_ms, .truth = truth};
+    make_cells(forest);
+    struct sv_renderer_options render = {
+        .store = forest->store, .clock = forest_now_ms, .truth = truth, .cells = forest->cells};
     if (sv_renderer_create(forest->scene, &render, &forest->renderer, &error))
         die("renderer", &error);
 }
@@ -99,6 +122,8 @@ void forest_close(struct forest *forest)
     sv_renderer_destroy(forest->renderer);
     sv_scene_destroy(forest->scene);
     sv_store_close(forest->store);
+    if (forest->cells)
+        munmap(forest->cells, cells_bytes);
 }
 
 bool forest_is_free(const struct forest *forest, double x, double y, double clear_m)
@@ -148,6 +173,13 @@ static void resolve(const struct forest *forest, const struct sv_view_request *r
         die("resolve", &error);
 }
 
+static struct sv_timings timings;
+
+double forest_stage_ms(enum sv_stage stage)
+{
+    return timings.ms[stage];
+}
+
 void forest_draw(const struct forest *forest, const struct sv_view_request *request, struct sv_picture *picture,
                  struct sv_draw_stats *stats, double *ms, double *cpu_ms)
 {
@@ -155,7 +187,6 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
     struct sv_resolved_view view;
     double since = forest_now_ms(), cpu_since = clock_ms(CLOCK_PROCESS_CPUTIME_ID);
     resolve(forest, request, &view);
-    struct sv_timings timings;
     for (int k = 0; k < SV_STAGE_COUNT; k++)
         timings.ms[k] = -1;
     if (sv_renderer_draw(forest->renderer, request, &view, picture, &timings, stats, &error))

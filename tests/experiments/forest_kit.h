@@ -6,6 +6,7 @@
 
 #include "core/base/store.h"
 #include "core/view/compare.h"
+#include "core/cell/cache.h"
 #include "core/view/renderer.h"
 
 enum forest_eye { FOREST_OVERVIEW, FOREST_WALK };
@@ -15,7 +16,12 @@ struct forest {
     struct sv_store *store; /* folder SILVISTA_CACHE_DIR, or none */
     struct sv_scene *scene;
     struct sv_renderer *renderer;
+    struct sv_cell_cache *cells; /* NULL: none (forest_use_cells) */
 };
+
+/* Forests opened from now on draw from cells where a request has relief=on, with a cache of that many bytes (shared
+ * with what is forked later); 0: they do not. */
+void forest_use_cells(size_t bytes);
 
 /* count trees; truth: the ray-cast structures are built, too. */
 void forest_open(uint32_t count, bool truth, struct forest *forest);
@@ -32,6 +38,8 @@ struct sv_view_request forest_request(const struct forest *forest, enum forest_e
  * wall's clock and by the processor's, which others on the machine disturb less. */
 void forest_draw(const struct forest *forest, const struct sv_view_request *request, struct sv_picture *picture,
                  struct sv_draw_stats *stats, double *ms, double *cpu_ms);
+/* Of the last forest_draw, ms; negative: the stage did not run. */
+double forest_stage_ms(enum sv_stage stage);
 /* The colour of 64 samples a pixel, ray cast; kept in the store by scene, camera and sun. */
 void forest_truth(const struct forest *forest, const struct sv_view_request *request, struct sv_image *color);
 /* The same of 1, 4, 16 or 64 samples: each count has positions of its own (camera.h). */

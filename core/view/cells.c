@@ -1,0 +1,441 @@
+/* cells.c - see cells.h. */
+#include "core/view/cells.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/base/color.h"
+#include "core/base/hash.h"
+#include "core/cell/crown_warp.h"
+#include "core/cell/panel_ground.h"
+#include "core/relief/warp.h"
+#include "core/view/compose.h"
+#include "core/view/panels.h"
+
+/* Rings of crowns go inward to about CROWNS_INNER_M: crowns are up to some 5 m wide, and a crown may reach half the
+ * way across its ring's plane. Ground has no width: it goes on inward. */
+#define CROWNS_INNER_M 6.0
+#define GROUND_INNER_M 1.5
+/* Lattice step over distance, and from which height over the ground on reference points are at the tops of cells. */
+#define PITCH 0.1
+#define TOP_AGL_M 30.0
+/* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and their
+ * depth is that of their middle where they are far). */
+#define BEHIND 0.01f
+
+enum { PINS_MAX = SV_CELL_RINGS_MAX * SV_CELL_FACES };
+
+/* Panels that a view is drawn from. */
+struct seen {
+    int ring;
+    enum sv_cell_face face;
+    struct sv_panel panel;
+    struct sv_cell_cache_panel pin;
+};
+
+struct sv_cells {
+    const struct sv_scene *scene;
+    struct sv_direct *direct;
+    struct sv_cells_options options;
+    struct sv_panels *panels;
+    struct sv_crown_buffer *crowns; /* of the last size and band */
+    struct sv_warp_buffer ground;
+    int width, row_first, row_count;
+    float *depth;     /* of the band: window depth of what is opaque */
+    float (*light)[4];
+    uint8_t (*rgba)[4]; /* ground and sky */
+    uint8_t *hidden;
+    struct seen seen[PINS_MAX];
+    int seen_count;
+};
+
+enum sv_status sv_cells_create(const struct sv_scene *scene, struct sv_direct *direct,
+                               const struct sv_cells_options *options, struct sv_cells **cells, struct sv_error *error)
+{
+    struct sv_cells *c = calloc(1, sizeof *c);
+    if (!c)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for cells");
+    c->scene = scene;
+    c->direct = direct;
+    c->options = *options;
+    enum sv_status status = sv_panels_create(scene, direct, &c->panels, error);
+    if (status) {
+        sv_cells_destroy(c);
+        return status;
+    }
+    *cells = c;
+    return SV_OK;
+}
+
+static void free_band(struct sv_cells *c)
+{
+    sv_crown_buffer_destroy(c->crowns);
+    sv_warp_buffer_finish(&c->ground);
+    free(c->depth);
+    free(c->light);
+    free(c->rgba);
+    free(c->hidden);
+    c->crowns = NULL;
+    c->depth = NULL;
+    c->light = NULL;
+    c->rgba = NULL;
+    c->hidden = NULL;
+    c->width = 0;
+}
+
+void sv_cells_destroy(struct sv_cells *cells)
+{
+    if (!cells)
+        return;
+    free_band(cells);
+    sv_panels_destroy(cells->panels);
+    free(cells);
+}
+
+static enum sv_status want_band(struct sv_cells *c, int width, int row_first, int row_count, struct sv_error *error)
+{
+    if (c->width == width && c->row_first == row_first && c->row_count == row_count)
+        return SV_OK;
+    free_band(c);
+    size_t pixels = (size_t)width * (size_t)row_count;
+    enum sv_status status = sv_crown_buffer_create(width, row_first, row_count, &c->crowns, error);
+    if (!status)
+        status = sv_warp_buffer_create(width, row_count, &c->ground, error);
+    if (status)
+        return status;
+    c->depth = malloc(pixels * sizeof *c->depth);
+    c->light = malloc(pixels * sizeof *c->light);
+    c->rgba = malloc(pixels * sizeof *c->rgba);
+    c->hidden = malloc(pixels);
+    if (!c->depth || !c->light || !c->rgba || !c->hidden)
+        return sv_fail(error, SV_ENOMEM, "relief", "no memory for %zu pixels", pixels);
+    c->width = width;
+    c->row_first = row_first;
+    c->row_count = row_count;
+    return SV_OK;
+}
+
+/* ---- which panels ---- */
+
+bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
+{
+    return view->camera.projection == SV_PROJECTION_PERSPECTIVE && !view->plan.raycast && view->plan.samples == 1 &&
+           layers == 1u << SV_LAYER_COLOR &&
+           (!view->plan.draw_trees || view->plan.trees == SV_TREES_AUTO);
+}
+
+struct frame {
+    const struct sv_resolved_view *view;
+    bool sky, build, top;
+    struct sv_cell_rings rings;
+    struct sv_cell_place chain[SV_CELL_RINGS_MAX];
+    int crowns_first; /* innermost ring of crowns */
+    int ground_ring;  /* -1: drawn directly */
+    int size;
+    uint64_t light_key, scene_key;
+    double planes[5][4];
+    struct sv_cells_report *report;
+};
+
+/* A face's content is where right, up within +-forward and forward >= D (scaled by reach for crowns that cross the
+ * plane): the hull of four corners and four directions. Out of view when all of them are outside of one plane. */
+static bool face_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face)
+{
+    struct sv_vec3 right, up, forward;
+    struct sv_vec3 from = sv_sub(v, f->view->camera.eye);
+    sv_cell_face_axes(face, &right, &up, &forward);
+    for (int p = 0; p < 5; p++) {
+        const double *n = f->planes[p];
+        struct sv_vec3 normal = {n[0], n[1], n[2]};
+        bool inside = false;
+        for (int k = 0; k < 4 && !inside; k++) {
+            struct sv_vec3 d = sv_add(forward, sv_add(sv_scale(right, k & 1 ? 1 : -1),
+                                                                sv_scale(up, k & 2 ? 1 : -1)));
+            inside = sv_dot(normal, d) > 0 ||
+                     sv_dot(normal, sv_add(from, sv_scale(d, distance_m))) + n[3] >= 0;
+        }
+        if (!inside)
+            return false;
+    }
+    return true;
+}
+
+static double now(const struct sv_cells *c)
+{
+    return c->options.clock_ms ? c->options.clock_ms() : 0;
+}
+
+static void release(struct sv_cells *c)
+{
+    for (int k = 0; k < c->seen_count; k++)
+        sv_cell_cache_unpin(c->options.cache, c->options.slot, &c->seen[k].pin);
+    c->seen_count = 0;
+}
+
+static struct sv_cell_cache_label label_of(const struct frame *f, int ring, enum sv_cell_face face, unsigned layer)
+{
+    struct sv_cell_cache_label label = {.parts = {.place = f->chain[ring],
+                                                  .face = face,
+                                                  .layer = (int)layer,
+                                                  .size = f->size,
+                                                  .light = f->light_key,
+                                                  .scene = f->scene_key},
+                                        .shell = sv_cell_shell(&f->rings, &f->chain[ring], f->top)};
+    label.key = sv_cell_key(&f->rings, &label.parts);
+    return label;
+}
+
+static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
+                            unsigned layer, struct sv_cell_cache_panel *pin, struct sv_error *error)
+{
+    size_t bytes = sv_panel_bytes(f->size, layer);
+    double since = now(c);
+    uint64_t generation = 0;
+    enum sv_cell_cache_answer answer = sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false,
+                                                             generation, since * 1e-3, pin);
+    if (answer != SV_CELL_CACHE_GRANTED)
+        return sv_fail(error, SV_ELIMIT, "relief", "there is no room for a panel of %zu bytes", bytes);
+    struct sv_panels_order order = {.about = {.key = label->key,
+                                              .place = label->parts.place,
+                                              .distance_m = label->shell.distance_m,
+                                              .face = label->parts.face,
+                                              .size = f->size,
+                                              .layers = layer},
+                                    .shell = label->shell,
+                                    .view = f->view};
+    enum sv_status status = sv_panels_draw(c->panels, &order, pin->data, pin->bytes, error);
+    if (status) {
+        sv_cell_cache_unpin(c->options.cache, c->options.slot, pin);
+        return status;
+    }
+    double ms = now(c) - since;
+    sv_cell_cache_commit(c->options.cache, c->options.slot, pin, bytes, ms * 1e-3, now(c) * 1e-3);
+    f->report->built++;
+    f->report->ms[SV_STAGE_CELL] = fmax(f->report->ms[SV_STAGE_CELL], 0) + ms;
+    return SV_OK;
+}
+
+static enum sv_status obtain(struct sv_cells *c, const struct frame *f, int ring, enum sv_cell_face face,
+                             unsigned layer, struct sv_error *error)
+{
+    struct sv_cell_cache_label label = label_of(f, ring, face, layer);
+    struct seen *s = &c->seen[c->seen_count];
+    enum sv_status status = SV_OK;
+    if (sv_cell_cache_find(c->options.cache, c->options.slot, label.key, 0, now(c) * 1e-3, &s->pin) ==
+        SV_CELL_CACHE_HIT) {
+        f->report->hits++;
+        f->report->refined += s->pin.refined;
+    } else if (!f->build) {
+        return sv_fail(error, SV_ENOENT, "relief", "a panel of the cell is missing");
+    } else {
+        status = build(c, f, &label, layer, &s->pin, error);
+    }
+    if (status)
+        return status;
+    s->ring = ring;
+    s->face = face;
+    c->seen_count++;
+    return sv_panel_open(s->pin.data, s->pin.bytes, &s->panel, error);
+}
+
+static enum sv_status obtain_all(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+{
+    enum sv_status status = SV_OK;
+    for (int face = 0; face < SV_CELL_FACES && !status && f->ground_ring >= 0; face++)
+        if (face_in_view(f, f->chain[f->ground_ring].v, f->rings.distance_m[f->ground_ring], (enum sv_cell_face)face))
+            status = obtain(c, f, f->ground_ring, (enum sv_cell_face)face, SV_PANEL_GROUND, error);
+    for (int ring = f->crowns_first; ring < f->rings.count && !status && f->view->plan.draw_trees; ring++)
+        for (int face = 0; face < SV_CELL_FACES && !status; face++)
+            if (face_in_view(f, f->chain[ring].v, f->rings.distance_m[ring] / 2, (enum sv_cell_face)face))
+                status = obtain(c, f, ring, (enum sv_cell_face)face, SV_PANEL_CROWNS, error);
+    return status;
+}
+
+/* All of the light that panels hold, and of the scene: panels of another key are others. */
+static void make_keys(const struct sv_cells *c, struct frame *f)
+{
+    const struct sv_resolved_view *v = f->view;
+    uint64_t h = sv_hash_double(sv_hash_double(SV_HASH_INIT, v->sun.azimuth_rad), v->sun.elevation_rad);
+    h = sv_hash_u64(h, (uint64_t)v->plan.shadows | (uint64_t)v->air << 1 | (uint64_t)v->plan.draw_trees << 2);
+    f->light_key = sv_hash_double(h, v->plan.tree_error_px);
+    f->scene_key = c->scene->version;
+}
+
+static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_error *error)
+{
+    const struct sv_resolved_view *view = f->view;
+    sv_cell_rings_make(c->scene->relief_distance_m, GROUND_INNER_M, PITCH, &f->rings);
+    f->top = view->camera.eye.z - view->ground_z > TOP_AGL_M;
+    f->size = c->scene->relief_resolution;
+    if (!sv_cell_chain(&f->rings, view->camera.eye, f->top, f->chain))
+        return sv_fail(error, SV_EINVAL, "relief_distance", "there are no cells of that distance here");
+    f->crowns_first = 0;
+    while (f->crowns_first < f->rings.count - 1 && f->rings.distance_m[f->crowns_first] < CROWNS_INNER_M)
+        f->crowns_first++;
+    f->ground_ring = sv_panels_free_ring(c->panels, &f->rings, f->chain);
+    make_keys(c, f);
+    sv_camera_planes(&view->camera, f->planes);
+    f->report->ground_direct = f->ground_ring < 0;
+    f->report->id = sv_cell_key(&f->rings, &(struct sv_cell_key_parts){.place = f->chain[f->crowns_first],
+                                                                         .size = f->size,
+                                                                         .light = f->light_key,
+                                                                         .scene = f->scene_key});
+    return obtain_all(c, f, error);
+}
+
+/* ---- what is opaque ---- */
+
+static enum sv_status draw_ground_directly(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+{
+    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH, .sky = f->sky};
+    struct sv_picture picture = {0};
+    enum sv_status status = sv_picture_alloc(&f->view->camera, pass.layers, &picture, error);
+    if (!status)
+        status = sv_direct_draw(c->direct, f->view, &pass, &picture, NULL, error);
+    if (!status) {
+        size_t skip = (size_t)c->row_first * (size_t)c->width, pixels = (size_t)c->row_count * (size_t)c->width;
+        memcpy(c->depth, (const float *)picture.layer[SV_LAYER_DEPTH].data + skip, pixels * sizeof *c->depth);
+        memcpy(c->rgba, (const uint8_t *)picture.layer[SV_LAYER_COLOR].data + 4 * skip, 4 * pixels);
+    }
+    sv_picture_finish(&picture);
+    return status;
+}
+
+/* Ground sources among what is seen; the map's rows begin with the band. */
+static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
+                               struct sv_warp_source sources[SV_CELL_FACES])
+{
+    unsigned count = 0;
+    for (int k = 0; k < c->seen_count; k++) {
+        const struct seen *s = &c->seen[k];
+        if (s->panel.ground.size == 0)
+            continue;
+        struct sv_warp_source *to = &sources[count++];
+        *to = (struct sv_warp_source){s->panel.ground.size, s->panel.ground.size, s->panel.ground.q,
+                                      s->panel.ground.color, SV_DIRECT_GROUND_CUT, {{{0}}}};
+        struct sv_sweep sweep = {.v = s->panel.about.place.v,
+                                 .distance_m = s->panel.about.distance_m,
+                                 .face = s->face,
+                                 .size = s->panel.ground.size};
+        sv_panel_ground_map(&sweep, &f->view->camera, 0, 0, &to->map);
+        for (int a = 0; a < 4; a++)
+            to->map.m[1][a] -= c->row_first * to->map.m[3][a];
+    }
+    return count;
+}
+
+static enum sv_status warp_ground(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+{
+    struct sv_warp_source sources[SV_CELL_FACES];
+    struct sv_warp_stats stats = {0};
+    size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    unsigned count = ground_sources(c, f, sources);
+    sv_warp_clear(&c->ground);
+    for (unsigned k = 0; k < count; k++)
+        sv_warp_splat(&sources[k], k, &c->ground, &stats);
+    sv_warp_fill(sources, count, &c->ground, &stats);
+    memset(c->depth, 0, pixels * sizeof *c->depth);
+    sv_warp_resolve_depth(sources, &c->ground, c->depth);
+    memset(c->rgba, 0, 4 * pixels);
+    sv_warp_resolve(sources, count, &c->ground, c->rgba);
+    f->report->hole_pixels = stats.holes;
+    f->report->holes_left = stats.holes_left;
+    (void)error;
+    return SV_OK;
+}
+
+/* The sky into what no ground fills. */
+static enum sv_status draw_sky(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+{
+    size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    if (!f->sky || f->ground_ring < 0)
+        return SV_OK;
+    for (size_t k = 0; k < pixels; k++)
+        c->hidden[k] = c->depth[k] > 0 || c->light[k][3] < SV_CROWN_PASS_MIN;
+    struct sv_resolved_view view = *f->view;
+    return sv_direct_shade_ground(c->direct, &view, true, c->depth, c->hidden, c->rgba[0], error);
+}
+
+/* ---- crowns ---- */
+
+static void warp_crowns(struct sv_cells *c, const struct frame *f)
+{
+    size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    for (size_t k = 0; k < pixels; k++) {
+        c->light[k][0] = c->light[k][1] = c->light[k][2] = 0;
+        c->light[k][3] = 1;
+    }
+    sv_crown_buffer_begin(c->crowns);
+    for (int ring = f->crowns_first; ring < f->rings.count; ring++) {
+        struct sv_crown_source sources[SV_CELL_FACES];
+        unsigned count = 0;
+        for (int k = 0; k < c->seen_count; k++) {
+            const struct seen *s = &c->seen[k];
+            if (s->ring != ring || s->panel.crowns.size == 0)
+                continue;
+            sources[count].layer = &s->panel.crowns;
+            sv_crown_map(s->panel.about.place.v, s->panel.about.distance_m, s->face, &f->view->camera, 0, 0,
+                         sources[count++].m);
+        }
+        if (count == 0)
+            continue;
+        sv_crown_buffer_clear(c->crowns);
+        sv_crown_splat(sources, count, c->crowns, NULL);
+        sv_crown_resolve(sources, count, c->crowns, c->depth, BEHIND, c->light);
+    }
+}
+
+/* Trees within the innermost cube, over all. */
+static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8_t *rgba, struct sv_draw_stats *stats,
+                                struct sv_error *error)
+{
+    struct sv_cell_place first = f->chain[f->crowns_first];
+    struct sv_tree_shell shell = {.inner_m = -1, .outer = first.v, .outer_m = f->rings.distance_m[f->crowns_first]};
+    struct sv_canvas canvas = {.width = c->width,
+                               .height = f->view->camera.height,
+                               .row_first = c->row_first,
+                               .row_count = c->row_count,
+                               .depth = c->depth,
+                               .color = rgba};
+    return sv_direct_draw_trees(c->direct, f->view, &shell, &canvas, stats, error);
+}
+
+static double since(const struct sv_cells *c, struct sv_cells_report *report, enum sv_stage stage, double from)
+{
+    double t = now(c);
+    report->ms[stage] = fmax(report->ms[stage], 0) + t - from;
+    return t;
+}
+
+enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky, int row_first,
+                             int row_count, bool build, uint8_t *rgba, struct sv_cells_report *report,
+                             struct sv_draw_stats *stats, struct sv_error *error)
+{
+    struct sv_cells *c = cells;
+    struct frame f = {.view = view, .sky = sky, .build = build, .report = report};
+    *report = (struct sv_cells_report){0};
+    for (int k = 0; k < SV_STAGE_COUNT; k++)
+        report->ms[k] = -1;
+    enum sv_status status = want_band(c, view->camera.width, row_first, row_count, error);
+    if (!status)
+        status = choose(c, &f, error);
+    double t = now(c);
+    if (!status)
+        status = f.ground_ring < 0 ? draw_ground_directly(c, &f, error) : warp_ground(c, &f, error);
+    t = since(c, report, f.ground_ring < 0 ? SV_STAGE_NEAR : SV_STAGE_WARP, t);
+    if (!status)
+        warp_crowns(c, &f);
+    release(c);
+    t = since(c, report, SV_STAGE_WARP, t);
+    if (!status)
+        status = draw_sky(c, &f, error);
+    if (!status)
+        sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])c->light, (const uint8_t(*)[4])c->rgba,
+                   (uint8_t(*)[4])rgba);
+    t = since(c, report, SV_STAGE_COMPOSITE, t);
+    if (!status)
+        status = draw_near(c, &f, rgba, stats, error);
+    since(c, report, SV_STAGE_NEAR, t);
+    return status;
+}

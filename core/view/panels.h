@@ -1,0 +1,31 @@
+/* panels.h - draws the panels of cells: crowns and ground, into memory that the caller gives (core/cell/panel.h). */
+#ifndef SV_VIEW_PANELS_H
+#define SV_VIEW_PANELS_H
+
+#include "core/cell/panel.h"
+#include "core/view/direct.h"
+
+struct sv_panels;
+
+/* Borrows scene and direct for life. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_panels_create(const struct sv_scene *scene, struct sv_direct *direct,
+                                              struct sv_panels **panels, struct sv_error *error);
+void sv_panels_destroy(struct sv_panels *panels); /* NULL is legal */
+
+/* A panel to be drawn under a view's light and plan; the view's camera is not read. */
+struct sv_panels_order {
+    struct sv_panel_about about; /* layers: exactly one */
+    struct sv_cell_shell shell;  /* of crowns */
+    const struct sv_resolved_view *view;
+};
+
+/* Draws it into a block of sv_panel_bytes(...) bytes. Errors of direct.h. */
+SV_MUST_CHECK enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, void *block,
+                                            size_t bytes, struct sv_error *error);
+
+/* The half side of the largest cube of a ring, outermost first, about its place's reference point that touches neither
+ * ground nor object: that ring, or -1. */
+int sv_panels_free_ring(const struct sv_panels *panels, const struct sv_cell_rings *rings,
+                        const struct sv_cell_place chain[SV_CELL_RINGS_MAX]);
+
+#endif
