@@ -65,7 +65,6 @@ static void what_saves_nothing_is_not_built_but_tried_again(void **state)
     int n = 0;
     while (n < 2000 && !want(7, 0, 1000))
         n++;
-    print_message("n %d mean %g\n", n, admit.mean[0].saving_s);
     assert_true(n > 50 && n < 1000); /* (1 - 1/256)^n halves 0.04 at n = 177; 1000 frames need little more */
 }
 
