@@ -49,7 +49,10 @@ enum sv_status sv_crown_buffer_create(int width, int row_first, int row_count,
     b->blocks_x = (width + SV_CROWN_BLOCK - 1) / SV_CROWN_BLOCK;
     b->blocks_y = (row_count + SV_CROWN_BLOCK - 1) / SV_CROWN_BLOCK;
     b->epoch = UINT64_C(1) << SV_CROWN_EPOCH_SHIFT;
-    b->keys = calloc((size_t)b->stride * (size_t)(row_count + 2 * SV_CROWN_APRON), sizeof *b->keys);
+    size_t keys = (size_t)b->stride * (size_t)(row_count + 2 * SV_CROWN_APRON);
+    b->origin = (SV_CROWN_APRON - row_first) * b->stride + SV_CROWN_APRON;
+    b->nowhere = (int)keys;
+    b->keys = calloc(keys + 1, sizeof *b->keys);
     b->closed = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
     if (!b->keys || !b->closed) {
         sv_crown_buffer_destroy(b);
@@ -75,24 +78,25 @@ void sv_crown_buffer_clear(struct sv_crown_buffer *buffer)
         buffer->epoch += one;
         return;
     }
-    size_t rows = (size_t)(buffer->row_count + 2 * SV_CROWN_APRON);
-    memset(buffer->keys, 0, rows * (size_t)buffer->stride * sizeof *buffer->keys);
+    memset(buffer->keys, 0, ((size_t)buffer->nowhere + 1) * sizeof *buffer->keys);
     buffer->epoch = one;
 }
 
 void sv_crown_buffer_begin(struct sv_crown_buffer *buffer)
 {
     memset(buffer->closed, 0, (size_t)buffer->blocks_x * (size_t)buffer->blocks_y);
+    buffer->closed_count = 0;
     sv_crown_buffer_clear(buffer);
 }
 
 const struct sv_crown_kernel *sv_crown_kernel_of(enum sv_simd level)
 {
-    (void)level;
-    return &sv_crown_scalar;
+    return level == SV_SIMD_AVX2 ? &sv_crown_avx2 : &sv_crown_scalar;
 }
 
 /* ---- splat: which tiles ---- */
+
+enum { PLANES = 5 };
 
 static void splat_set(const struct sv_crown_source *source, unsigned k, struct sv_crown_buffer *buffer,
                       struct sv_crown_splat *s)
@@ -103,8 +107,6 @@ static void splat_set(const struct sv_crown_source *source, unsigned k, struct s
         s->du[row] = (float)(source->m[row][0] * texel);
         s->dv[row] = (float)(-source->m[row][1] * texel);
         s->dc[row] = (float)(source->m[row][2] / SV_PANEL_Q_ONE);
-        s->hu[row] = 0.5f * s->du[row];
-        s->hv[row] = 0.5f * s->dv[row];
     }
     s->lo_x = -SV_CROWN_APRON;
     s->hi_x = (float)(buffer->width - 1 + SV_CROWN_APRON);
@@ -129,38 +131,123 @@ static bool all_closed(const struct sv_crown_buffer *buffer, int x0, int x1, int
     return true;
 }
 
-/* Corners of a tile, a whole texel beyond its outer texels' centres, at its least and largest q: with w > 0
- * at all of them a linear fraction has its extremes there, and they hold the texels' boxes: along a line
- * through a texel, f(t + 2 h) - f(t) = 2 h f'(t) w(t) / w(t + 2 h), and w(t + 2 h) < 2 w(t) since w(t - 2 h)
- * > 0, so that h f'(t) is less than that. */
-static bool tile_seen(const struct sv_crown_splat *s, int tx, int ty, const struct sv_panel_tile *tile)
+/* Sides of the view, as linear functions of (xs, ys, q, 1) that are not negative inside: columns and rows
+ * that may be written, farther by what a box may reach and a pixel for rounding, and w. */
+static void planes_set(const struct sv_crown_splat *s, double planes[PLANES][4])
+{
+    const double reach = SV_CROWN_HALF_MAX + 1;
+    const double sides[4] = {s->lo_x - reach, s->hi_x + 1 + reach, s->lo_y - reach, s->hi_y + 1 + reach};
+    for (int c = 0; c < 4; c++) {
+        for (int k = 0; k < 4; k++)
+            planes[k][c] = (s->m[k / 2][c] - sides[k] * s->m[3][c]) * (k & 1 ? -1 : 1);
+        planes[4][c] = s->m[3][c];
+    }
+}
+
+/* Whether some of the tile's box of centres is inside of every single side. */
+static bool tile_in_view(const double planes[PLANES][4], double texel, int tx, int ty,
+                         const struct sv_panel_tile *tile)
+{
+    const double half = 0.5 * SV_PANEL_TILE * texel;
+    double xs = (2 * tx + 1) * half - 1, ys = 1 - (2 * ty + 1) * half;
+    double q_min = tile->q_min * (1.0 / SV_PANEL_Q_ONE), q_max = tile->q_max * (1.0 / SV_PANEL_Q_ONE);
+    for (int k = 0; k < PLANES; k++) {
+        const double *p = planes[k];
+        double most = p[0] * xs + p[1] * ys + p[3] + (fabs(p[0]) + fabs(p[1])) * half;
+        if (most + p[2] * (p[2] > 0 ? q_max : q_min) < 0)
+            return false;
+    }
+    return true;
+}
+
+/* Whether all that the tile may show falls where no light passes any more. Its corners, a whole texel beyond
+ * its outer texels' centres, at its least and largest q: with w > 0 at all of them a linear fraction has its
+ * extremes there, and they hold the texels' boxes: along a line through a texel, f(t + 2 h) - f(t) = 2 h
+ * f'(t) w(t) / w(t + 2 h), and w(t + 2 h) < 2 w(t) since w(t - 2 h) > 0, so that h f'(t) is less than that.
+ */
+static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, int ty,
+                        const struct sv_panel_tile *tile)
 {
     float min_x = INFINITY, max_x = -INFINITY, min_y = INFINITY, max_y = -INFINITY;
-    double texel = 2.0 / s->layer->size;
     double x0 = texel * (tx * SV_PANEL_TILE - 0.5) - 1, y0 = 1 - texel * (ty * SV_PANEL_TILE - 0.5);
-    int behind = 0, unknown = 0;
     for (int k = 0; k < 8; k++) {
         double xs = x0 + (k & 1 ? (SV_PANEL_TILE + 1) * texel : 0);
         double ys = y0 - (k & 2 ? (SV_PANEL_TILE + 1) * texel : 0);
         double q = (k & 4 ? tile->q_max : tile->q_min) * (1.0 / SV_PANEL_Q_ONE), p[4];
         for (int row = 0; row < 4; row++)
             p[row] = s->m[row][0] * xs + s->m[row][1] * ys + s->m[row][2] * q + s->m[row][3];
-        behind += p[3] <= 0;
-        unknown += !(p[3] > 0);
         float x = (float)(p[0] / p[3]), y = (float)(p[1] / p[3]);
+        if (!(p[3] > 0 && fabsf(x) <= SV_CROWN_FAR_PX && fabsf(y) <= SV_CROWN_FAR_PX))
+            return false;
         min_x = x < min_x ? x : min_x;
         max_x = x > max_x ? x : max_x;
         min_y = y < min_y ? y : min_y;
         max_y = y > max_y ? y : max_y;
     }
-    if (unknown > 0)
-        return behind < 8;
     /* Beyond those: SV_CROWN_GROW and rounding, then the neighbours that resolve looks at. */
     float x1 = fminf(max_x + 1.5f, s->hi_x), y1 = fminf(max_y + 1.5f, s->hi_y);
     min_x = fmaxf(min_x - 1.5f, s->lo_x);
     min_y = fmaxf(min_y - 1.5f, s->lo_y);
-    return min_x <= x1 && min_y <= y1 &&
-           !all_closed(s->buffer, (int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y), (int)floorf(y1));
+    return min_x > x1 || min_y > y1 ||
+           all_closed(s->buffer, (int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y), (int)floorf(y1));
+}
+
+/* The most that the sum of |L1| and |L2| is over the tile's box of centres, each L taken at its own most.
+ * Along x, half a texel's square in the picture spans h (|dx / dxs| + |dx / dys|), dx / dxs = (m_xc w - x w
+ * m_wc) / w^2, c the column: the L, linear in (xs, ys, q). */
+static float spread_of(const double m[4][4], int row, const double middle[3], const double half[3])
+{
+    double sum = 0;
+    for (int column = 0; column < 2; column++) {
+        double most = 0, at = 0, a = m[row][column], b = m[3][column];
+        for (int k = 0; k < 4; k++) {
+            double l = a * m[3][k] - b * m[row][k];
+            at += l * (k < 3 ? middle[k] : 1);
+            most += k < 3 ? fabs(l) * half[k] : 0;
+        }
+        sum += fabs(at) + most;
+    }
+    return (float)sum;
+}
+
+static void tile_set(const struct sv_crown_splat *s, double texel, int tx, int ty,
+                     const struct sv_panel_tile *tile, struct sv_crown_tile_at *at)
+{
+    int size = s->layer->size, i0 = tx * SV_PANEL_TILE, j0 = ty * SV_PANEL_TILE;
+    double xs = (i0 + 0.5) * texel - 1, ys = 1 - (j0 + 0.5) * texel, side = 0.5 * (SV_PANEL_TILE - 1) * texel;
+    const double middle[3] = {xs + side, ys - side, 0.5 * (tile->q_min + tile->q_max) / SV_PANEL_Q_ONE};
+    const double half[3] = {side, side, 0.5 * (tile->q_max - tile->q_min) / SV_PANEL_Q_ONE};
+    at->texel = (uint32_t)j0 * (uint32_t)size + (uint32_t)i0;
+    at->columns = size - i0 < SV_PANEL_TILE ? size - i0 : SV_PANEL_TILE;
+    at->rows = size - j0 < SV_PANEL_TILE ? size - j0 : SV_PANEL_TILE;
+    for (int k = 0; k < 4; k++)
+        at->at[k] = (float)(s->m[k][0] * xs + s->m[k][1] * ys + s->m[k][3]);
+    at->spread_x = (float)(0.5 * texel) * spread_of(s->m, 0, middle, half);
+    at->spread_y = (float)(0.5 * texel) * spread_of(s->m, 1, middle, half);
+}
+
+static void splat_source(const struct sv_crown_kernel *kernel, const struct sv_crown_splat *splat,
+                         struct sv_crown_stats *sum)
+{
+    const struct sv_panel_layer *layer = splat->layer;
+    int side = sv_panel_tiles(layer->size);
+    double planes[PLANES][4], texel = 2.0 / layer->size;
+    planes_set(splat, planes);
+    for (int ty = 0; ty < side; ty++)
+        for (int tx = 0; tx < side; tx++) {
+            const struct sv_panel_tile *tile = &layer->tiles[ty * side + tx];
+            struct sv_crown_tile_at at;
+            if (tile->count == 0)
+                continue;
+            sum->tiles++;
+            if (!tile_in_view(planes, texel, tx, ty, tile) ||
+                (splat->buffer->closed_count > 0 && tile_closed(splat, texel, tx, ty, tile)))
+                continue;
+            sum->drawn++;
+            sum->texels += tile->count;
+            tile_set(splat, texel, tx, ty, tile, &at);
+            kernel->tile(splat, &at);
+        }
 }
 
 void sv_crown_splat_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
@@ -169,22 +256,9 @@ void sv_crown_splat_at(const struct sv_crown_kernel *kernel, const struct sv_cro
     struct sv_crown_stats sum = {0, 0, 0};
     assert(count <= SV_CROWN_SOURCES_MAX);
     for (unsigned k = 0; k < count; k++) {
-        const struct sv_panel_layer *layer = sources[k].layer;
-        int side = sv_panel_tiles(layer->size);
         struct sv_crown_splat splat;
         splat_set(&sources[k], k, buffer, &splat);
-        for (int ty = 0; ty < side; ty++)
-            for (int tx = 0; tx < side; tx++) {
-                const struct sv_panel_tile *tile = &layer->tiles[ty * side + tx];
-                if (tile->count == 0)
-                    continue;
-                sum.tiles++;
-                if (!tile_seen(&splat, tx, ty, tile))
-                    continue;
-                sum.drawn++;
-                sum.texels += tile->count;
-                kernel->tile(&splat, tx, ty);
-            }
+        splat_source(kernel, &splat, &sum);
     }
     if (stats) {
         stats->tiles += sum.tiles;
@@ -253,13 +327,14 @@ void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_c
     struct sv_crown_resolve resolve = {inverse, buffer, depth, 1 - tolerance, light};
     for (int y = 0; y < buffer->blocks_y; y++)
         for (int x = 0; x < buffer->blocks_x; x++) {
-            uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x], all = 1;
+            uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x];
             int i0 = x * SV_CROWN_BLOCK, j0 = y * SV_CROWN_BLOCK;
             int i1 = i0 + SV_CROWN_BLOCK < buffer->width ? i0 + SV_CROWN_BLOCK : buffer->width;
             int j1 = j0 + SV_CROWN_BLOCK < buffer->row_count ? j0 + SV_CROWN_BLOCK : buffer->row_count;
-            for (int j = j0; j < j1 && !*closed; j++)
-                all &= kernel->row(&resolve, j, i0, i1);
-            *closed |= all;
+            if (*closed)
+                continue;
+            *closed = kernel->block(&resolve, i0, i1, j0, j1);
+            buffer->closed_count += *closed;
         }
 }
 

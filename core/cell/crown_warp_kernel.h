@@ -1,10 +1,11 @@
 /* crown_warp_kernel.h - what the files of the warp of crowns share: the buffer, set-up of a source, kernels
  * at each SIMD level. Private to core/cell/crown_warp*.c and their tests.
  *
- * The buffer holds a key a pixel, 64 bits: epoch (6, from the top), bits of the float d in [0, 1] (30),
- * source and texel, inverted (4 + 24). The largest wins, so that nearer beats farther and no order of drawing
- * matters; a clear is a new epoch, which beats all that is there, and empties memory once in 63 times. Around
- * the band lies an apron of one pixel, splatted like the rest, for resolve looks at neighbours.
+ * The buffer holds a key a pixel, 64 bits: epoch (5, below a 0), bits of the float d in [0, 1] (30),
+ * source and texel, inverted (4 + 24). With an epoch of at most 30 keys are finite doubles of the same order,
+ * too. The largest wins, so that nearer beats farther and no order of drawing matters; a clear is a new
+ * epoch, which beats all that is there, and empties memory once in 30 times. Around the band lies an apron of
+ * one pixel, splatted like the rest, for resolve looks at neighbours.
  *
  * The same arithmetic in the same order at every level (no fused multiply-add, true divisions). */
 #ifndef SV_CELL_CROWN_WARP_KERNEL_H
@@ -16,8 +17,8 @@
 #include "core/base/simd.h"
 #include "core/cell/crown_warp.h"
 
-enum { SV_CROWN_APRON = 1, SV_CROWN_BLOCK = 16, SV_CROWN_SHIFT_BLOCK = 4 };
-enum { SV_CROWN_EPOCH_SHIFT = 58, SV_CROWN_DEPTH_SHIFT = 28, SV_CROWN_TEXEL_BITS = 24, SV_CROWN_EPOCHS = 63 };
+enum { SV_CROWN_APRON = 1, SV_CROWN_BLOCK = 16 };
+enum { SV_CROWN_EPOCH_SHIFT = 58, SV_CROWN_DEPTH_SHIFT = 28, SV_CROWN_TEXEL_BITS = 24, SV_CROWN_EPOCHS = 30 };
 #define SV_CROWN_TAG_MASK ((UINT32_C(1) << SV_CROWN_DEPTH_SHIFT) - 1)
 #define SV_CROWN_TEXEL_MASK ((UINT32_C(1) << SV_CROWN_TEXEL_BITS) - 1)
 /* Texels that land farther away than this (px) are not drawn. */
@@ -26,16 +27,18 @@ enum { SV_CROWN_EPOCH_SHIFT = 58, SV_CROWN_DEPTH_SHIFT = 28, SV_CROWN_TEXEL_BITS
 struct sv_crown_buffer {
     int width, row_first, row_count;
     int stride;     /* keys a row, with the apron and room for vectors */
+    int origin;     /* where the key of column 0, picture row 0 is, or would be */
+    int nowhere;    /* a key that is no pixel's */
     uint64_t epoch; /* 1 .. SV_CROWN_EPOCHS, shifted to its place */
-    uint64_t *keys; /* row_count + 2 rows: pixel (i, row) at (row - row_first + 1) * stride + i + 1 */
-    int blocks_x, blocks_y;
+    uint64_t *keys; /* row_count + 2 rows */
+    int blocks_x, blocks_y, closed_count;
     uint8_t *closed; /* of blocks of 16 x 16 pixels of the band: nothing passes any more */
 };
 
-static inline size_t sv_crown_at(const struct sv_crown_buffer *buffer, int i, int row)
+/* The key of column i, row j of the band. */
+static inline const uint64_t *sv_crown_at(const struct sv_crown_buffer *buffer, int i, int j)
 {
-    return (size_t)(row - buffer->row_first + SV_CROWN_APRON) * (size_t)buffer->stride +
-           (size_t)(i + SV_CROWN_APRON);
+    return buffer->keys + (ptrdiff_t)(j + SV_CROWN_APRON) * buffer->stride + i + SV_CROWN_APRON;
 }
 
 static inline uint32_t sv_crown_bits(float v)
@@ -50,20 +53,24 @@ static inline uint64_t sv_crown_key(uint64_t epoch, uint32_t depth_bits, uint32_
     return epoch | (uint64_t)depth_bits << SV_CROWN_DEPTH_SHIFT | (tag ^ SV_CROWN_TAG_MASK);
 }
 
-/* One source, ready to splat. Row k of the map at texel (i, j) with code c is ((at[k] + j dv[k]) + i du[k]) +
- * c dc[k], at[] of the tile's first texel, i and j within the tile. */
+/* One source, ready to splat. Row k of the map at texel (i, j) of a tile with code c is ((at[k] + j dv[k]) +
+ * i du[k]) + c dc[k], at[] of the tile's first texel. */
 struct sv_crown_splat {
     const struct sv_panel_layer *layer;
     struct sv_crown_buffer *buffer;
     const double (*m)[4];
     float du[4], dv[4], dc[4];
-    float hu[4], hv[4];           /* rows' change over half a texel: |du| / 2, signed */
     float lo_x, hi_x, lo_y, hi_y; /* pixels that may be written, as floats: columns, picture rows */
     uint32_t tag;                 /* of texel 0 */
 };
 
-/* Tile (tx, ty) of a source. */
-typedef void (*sv_crown_tile)(const struct sv_crown_splat *splat, int tx, int ty);
+/* A tile of a source. Half a texel's box is spread / w^2 and SV_CROWN_GROW. */
+struct sv_crown_tile_at {
+    uint32_t texel; /* the first */
+    int columns, rows;
+    float at[4], spread_x, spread_y;
+};
+typedef void (*sv_crown_tile)(const struct sv_crown_splat *splat, const struct sv_crown_tile_at *tile);
 
 /* One source, ready to resolve: r_x, r_y, r_w at (x, y) is (at[k] + x dx[k]) + y dy[k], the first two times
  * size / 2 and -size / 2; u = (r_x / r_w) (1 + c gw) + c gu + middle, v alike, c the code. */
@@ -81,14 +88,15 @@ struct sv_crown_resolve {
     float keep;         /* 1 - tolerance */
     float (*light)[4];
 };
-/* Columns first <= i < last of a row; true when all of them are done afterwards. */
-typedef bool (*sv_crown_row)(const struct sv_crown_resolve *resolve, int row, int first, int last);
+/* Pixels i0 <= i < i1, j0 <= j < j1 of the band (j counts from its first row); true when all of them are done
+ * afterwards. */
+typedef bool (*sv_crown_block)(const struct sv_crown_resolve *resolve, int i0, int i1, int j0, int j1);
 
 struct sv_crown_kernel {
     sv_crown_tile tile;
-    sv_crown_row row;
+    sv_crown_block block;
 };
-extern const struct sv_crown_kernel sv_crown_scalar;
+extern const struct sv_crown_kernel sv_crown_scalar, sv_crown_avx2;
 
 void sv_crown_splat_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
                        unsigned count, struct sv_crown_buffer *buffer, struct sv_crown_stats *stats);
@@ -97,7 +105,9 @@ void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_c
                          float (*light)[4]);
 const struct sv_crown_kernel *sv_crown_kernel_of(enum sv_simd level);
 
-void sv_crown_tile_scalar(const struct sv_crown_splat *splat, int tx, int ty);
-bool sv_crown_row_scalar(const struct sv_crown_resolve *resolve, int row, int first, int last);
+/* Premultiplied colours are blended in whole numbers: 255 * 255 * 256 is 1, less this so that they fit into
+ * 16 bits with a sign. */
+#define SV_CROWN_BIAS 32768
+#define SV_CROWN_UNIT (255.0f * 255.0f * 256.0f)
 
 #endif

@@ -91,6 +91,25 @@ struct shot {
     double x, y, d, half_x, half_y;
 };
 
+/* Numerators of dx / dxs and dx / dys (row 0; y: 1) over w^2, each the largest at the corners of the texel's
+ * tile. */
+static double spread(const struct sv_crown_source *s, int row, int i, int j)
+{
+    int size = s->layer->size, tx = i / SV_PANEL_TILE, ty = j / SV_PANEL_TILE;
+    const struct sv_panel_tile *tile = &s->layer->tiles[ty * sv_panel_tiles(size) + tx];
+    double most[2] = {0, 0};
+    for (int k = 0; k < 8; k++) {
+        double x = 2 * (tx * SV_PANEL_TILE + (k & 1 ? SV_PANEL_TILE - 1 : 0) + 0.5) / size - 1;
+        double y = 1 - 2 * (ty * SV_PANEL_TILE + (k & 2 ? SV_PANEL_TILE - 1 : 0) + 0.5) / size;
+        double q = (k & 4 ? tile->q_max : tile->q_min) / (double)SV_PANEL_Q_ONE;
+        double xw = s->m[row][0] * x + s->m[row][1] * y + s->m[row][2] * q + s->m[row][3];
+        double w = s->m[3][0] * x + s->m[3][1] * y + s->m[3][2] * q + s->m[3][3];
+        for (int c = 0; c < 2; c++)
+            most[c] = fmax(most[c], fabs(s->m[row][c] * w - s->m[3][c] * xw));
+    }
+    return most[0] + most[1];
+}
+
 static bool project(const struct sv_crown_source *s, int i, int j, struct shot *shot)
 {
     int size = s->layer->size;
@@ -103,10 +122,8 @@ static bool project(const struct sv_crown_source *s, int i, int j, struct shot *
     shot->x = p[0] / p[3];
     shot->y = p[1] / p[3];
     shot->d = p[2] / p[3];
-    double dx = fabs(s->m[0][0] - shot->x * s->m[3][0]) + fabs(s->m[0][1] - shot->x * s->m[3][1]);
-    double dy = fabs(s->m[1][0] - shot->y * s->m[3][0]) + fabs(s->m[1][1] - shot->y * s->m[3][1]);
-    shot->half_x = fmin(h * dx / p[3] + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
-    shot->half_y = fmin(h * dy / p[3] + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
+    shot->half_x = fmin(h * spread(s, 0, i, j) / (p[3] * p[3]) + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
+    shot->half_y = fmin(h * spread(s, 1, i, j) / (p[3] * p[3]) + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
     return shot->d >= 0 && shot->d <= 1;
 }
 
@@ -183,17 +200,18 @@ void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i
 {
     nearest(sources, count, i, row, truth);
     if (!truth->any) {
-        struct crown_truth far = {.d = INFINITY};
+        struct crown_truth near = {.d = -1};
         bool unsure = truth->unsure;
         for (int k = 0; k < 9; k++) {
             struct crown_truth t;
             nearest(sources, count, i + k % 3 - 1, row + k / 3 - 1, &t);
-            unsure |= t.unsure || (t.any && t.d != far.d && fabs(t.d - far.d) < 1e-5 * t.d);
-            if (t.any && (t.d < far.d || (t.d == far.d && (t.source > far.source ||
-                                                           (t.source == far.source && t.texel > far.texel)))))
-                far = t;
+            unsure |= t.unsure || (t.any && t.d != near.d && fabs(t.d - near.d) < 1e-5 * t.d);
+            if (t.any &&
+                (t.d > near.d || (t.d == near.d && (t.source < near.source ||
+                                                    (t.source == near.source && t.texel < near.texel)))))
+                near = t;
         }
-        *truth = far;
+        *truth = near;
         truth->unsure = unsure;
     }
     if (truth->any)
