@@ -18,8 +18,8 @@
 #define CROWNS_INNER_M 6.0
 #define GROUND_INNER_M 1.5
 /* Lattice step over distance, and from which height over the ground on reference points are at the tops of cells. */
-#define PITCH 0.1
-#define TOP_AGL_M 30.0
+#define PITCH 0.05
+#define TOP_AGL_M 3000.0
 /* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and their
  * depth is that of their middle where they are far). */
 #define BEHIND 0.01f
