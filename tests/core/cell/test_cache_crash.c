@@ -109,7 +109,7 @@ static void live(int part, struct sv_cell_cache_panel *panel)
     }
 }
 
-/* Does all parts before that one, stops, does it, and leaves. */
+/* Does all parts before that one, stops, does it, and stops again. */
 static pid_t start_victim(int part)
 {
     pid_t pid = fork();
@@ -122,6 +122,7 @@ static pid_t start_victim(int part)
         live(before, &panel);
     raise(SIGSTOP);
     live(part, &panel);
+    raise(SIGSTOP);
     _exit(0);
 }
 
@@ -134,11 +135,10 @@ static long step_and_kill(pid_t pid, long steps)
     if (!WIFSTOPPED(status))
         return -1;
     while (taken < steps) {
-        if (ptrace(PTRACE_SINGLESTEP, pid, NULL, NULL) != 0)
-            break;
+        assert_int_equal(ptrace(PTRACE_SINGLESTEP, pid, NULL, NULL), 0);
         assert_int_equal(waitpid(pid, &status, 0), pid);
-        if (WIFEXITED(status))
-            return taken;
+        if (!WIFSTOPPED(status) || WSTOPSIG(status) != SIGTRAP)
+            break;
         taken++;
     }
     kill(pid, SIGKILL);
