@@ -114,7 +114,7 @@ static void compact_uses(void)
     static double kept[sizeof uses_at / sizeof *uses_at];
     unsigned count = 0;
     for (unsigned n = 0; n < panel_count; n++) {
-        if (panels[n].life == GONE)
+        if (panels[n].life == GONE || panels[n].uses == 0)
             continue;
         memcpy(kept + count, panels[n].used_at, panels[n].uses * sizeof *kept);
         panels[n].used_at = uses_at + count;
