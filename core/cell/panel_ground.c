@@ -11,7 +11,7 @@ struct sv_camera sv_panel_ground_camera(const struct sv_sweep *sweep)
 {
     struct sv_camera camera = {.eye = sweep->v,
                                .projection = SV_PROJECTION_PERSPECTIVE,
-                               .vfov_rad = SV_PI / 2,
+                               .vfov_rad = 2 * atan(sweep->reach),
                                .width = sweep->size,
                                .height = sweep->size,
                                .near_m = sweep->distance_m};
@@ -25,11 +25,11 @@ static void map_row(const struct sv_sweep *sweep, const struct sv_camera *face, 
                     const double clip[4], double row[4])
 {
     struct sv_vec3 c = sv_vec3(clip[0], clip[1], clip[2]);
-    double d = sweep->distance_m, texel = 2 * d / sweep->size;
+    double d = sweep->distance_m, half = d * sweep->reach, texel = 2 * half / sweep->size;
     row[0] = texel * sv_dot(c, face->right);
     row[1] = -texel * sv_dot(c, face->up);
     row[2] = sv_dot(c, v) + clip[3];
-    row[3] = d * sv_dot(c, sv_add(sv_sub(face->forward, face->right), face->up));
+    row[3] = d * sv_dot(c, face->forward) + half * sv_dot(c, sv_sub(face->up, face->right));
 }
 
 void sv_panel_ground_map(const struct sv_sweep *sweep, const struct sv_camera *camera, double shift_x_px,

@@ -1,7 +1,7 @@
 /* panel_ground.h - the ground panel of a face: depth by sweep.h, colour by core/terrain/ground.h, as
  * core/relief/warp.h takes it; and the map with which it is warped.
  *
- * q is the window depth of a 90-degree camera at V with its near plane at D, so that the ground's own shading
+ * q is the window depth of a square camera at V with its near plane at D, so that the ground's own shading
  * (light, pages of shadow) works on it as on a drawn picture. Colour depends on V by its mip levels alone
  * (and by the air, when it is on). */
 #ifndef SV_CELL_PANEL_GROUND_H
@@ -27,7 +27,7 @@ struct sv_panel_ground_options {
 SV_MUST_CHECK enum sv_status sv_panel_ground_make(const struct sv_panel_ground_options *options, float *q,
                                                   uint8_t (*color)[4], struct sv_error *error);
 
-/* The camera that sees a face: 90 degrees, at V, near plane D, size x size. */
+/* The camera that sees a face: at V, 2 atan(reach) high and wide, near plane D, size x size. */
 struct sv_camera sv_panel_ground_camera(const struct sv_sweep *sweep);
 /* The map of a face of that size to a camera's picture, t = q (warp.h). shift as in
  * sv_camera_clip_from_local. */

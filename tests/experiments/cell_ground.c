@@ -1,7 +1,8 @@
 /* cell_ground.c - the ground of a cell: how long its panels take, whether their depth is what OSMesa draws,
  * and how a warp of them looks beside the drawn picture, at the reference point and off it.
  *
- *   cell_ground [--scene FILE] [--size TEXELS] [--picture PX] [--eyes N] [--cut TEXELS] [--samples 1|4]
+ *   cell_ground [--scene FILE] [--size TEXELS] [--picture PX] [--eyes N] [--cut TEXELS] [--overlap TEXELS]
+ * [--samples 1|4]
  * [--truth 1|16] [-o FOLDER]
  *
  * For each eye: V there, D the largest of 100 m / 2^k whose cube the ground leaves free. cut: in units of 2 /
@@ -44,6 +45,7 @@ struct bench {
     struct sv_warp_buffer buffer;
     int size, picture, samples, truth;
     float cut;
+    double overlap; /* texels */
     const char *folder;
 };
 
@@ -190,7 +192,8 @@ static void make_panels(struct bench *b, struct sv_vec3 v, double d)
                                      .v = v,
                                      .distance_m = d,
                                      .face = (enum sv_cell_face)k,
-                                     .size = b->size};
+                                     .size = b->size,
+                                     .reach = 1 + 2 * b->overlap / b->size};
         struct sv_sweep plain = p->sweep;
         plain.blocks = NULL;
         double ms = sweep_ms(&p->sweep, NULL, p->q), scalar = NAN, whole = NAN, off, other;
@@ -224,7 +227,7 @@ static void make_panels(struct bench *b, struct sv_vec3 v, double d)
 
 struct result {
     struct sv_compare_result error;
-    double holes, left, lost, gained, predicted, ms;
+    double holes, left, lost, gained, cracks, predicted, ms;
 };
 
 static void warp(struct bench *b, const struct sv_camera *camera, uint8_t *rgba, struct result *r)
@@ -260,18 +263,22 @@ static void warp(struct bench *b, const struct sv_camera *camera, uint8_t *rgba,
     r->left = (double)stats.holes_left / (double)n;
 }
 
-/* Pixels of ground that the warp shows as sky, and the other way, by the drawn depth. */
+/* Pixels of ground that the warp shows as sky, and the other way, by the drawn depth; cracks: of the first,
+ * those that are not at the skyline (ground three pixels up). */
 static void count_sky(struct bench *b, const struct sv_image *depth, struct result *r)
 {
-    size_t n = (size_t)b->picture * (size_t)b->picture, lost = 0, gained = 0;
+    int n = b->picture, lost = 0, gained = 0, cracks = 0;
     const float *z = depth->data;
-    for (size_t k = 0; k < n; k++) {
+    for (int k = 0; k < n * n; k++) {
         bool ground = isfinite(z[k]) && z[k] > 0, has = b->buffer.texel[k] != SV_WARP_EMPTY;
+        bool below = k >= 3 * n && isfinite(z[k - 3 * n]) && z[k - 3 * n] > 0;
         lost += ground && !has;
         gained += has && !ground;
+        cracks += ground && !has && below;
     }
-    r->lost = (double)lost / (double)n;
-    r->gained = (double)gained / (double)n;
+    r->lost = (double)lost / ((double)n * n);
+    r->gained = (double)gained / ((double)n * n);
+    r->cracks = cracks;
 }
 
 /* Differences times 8, and which pixels were filled (red) or are sky where the drawing has ground (blue). */
@@ -363,14 +370,15 @@ static void run_eye(struct bench *b, int k, struct result results[MOVE_COUNT])
     for (int m = 0; m < MOVE_COUNT; m++) {
         struct result one = show(b, &r, &view.camera, d, k, &MOVES[m]);
         printf("    %-12s mean %.3f SSIM %.4f  holes %.3f %% (left %.3f; predicted %.3f)  lost %.3f %% "
-               "gained %.3f %%  %.1f ms\n",
+               "gained %.3f %% cracks %.1f px  %.1f ms\n",
                MOVES[m].name, one.error.mean_abs, one.error.ssim, 100 * one.holes, 100 * one.left,
-               100 * one.predicted, 100 * one.lost, 100 * one.gained, one.ms);
+               100 * one.predicted, 100 * one.lost, 100 * one.gained, one.cracks, one.ms);
         results[m].error.mean_abs += one.error.mean_abs;
         results[m].error.ssim += one.error.ssim;
         results[m].holes += one.holes;
         results[m].predicted += one.predicted;
         results[m].lost += one.lost;
+        results[m].cracks += one.cracks;
         results[m].gained += one.gained;
         results[m].ms += one.ms;
     }
@@ -404,6 +412,8 @@ int main(int argc, char **argv)
             eyes = atoi(value);
         else if (strcmp(argv[k], "--cut") == 0)
             cut = atof(value);
+        else if (strcmp(argv[k], "--overlap") == 0)
+            b.overlap = atof(value);
         else if (strcmp(argv[k], "--samples") == 0)
             b.samples = atoi(value);
         else if (strcmp(argv[k], "--truth") == 0)
@@ -427,10 +437,11 @@ int main(int argc, char **argv)
            (double)b.cut, b.samples);
     for (int m = 0; m < MOVE_COUNT; m++)
         printf("  %-12s mean %.3f SSIM %.4f  holes %.3f %% (predicted %.3f)  lost %.3f %% gained %.3f %%  "
+               "cracks %.1f px  "
                "%.1f ms\n",
                MOVES[m].name, results[m].error.mean_abs / eyes, results[m].error.ssim / eyes,
                100 * results[m].holes / eyes, 100 * results[m].predicted / eyes, 100 * results[m].lost / eyes,
-               100 * results[m].gained / eyes, results[m].ms / eyes);
+               100 * results[m].gained / eyes, results[m].cracks / eyes, results[m].ms / eyes);
     close_bench(&b);
     return 0;
 }
