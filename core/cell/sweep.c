@@ -153,26 +153,27 @@ void sv_sweep_by(const struct sv_sweep *sweep, sv_sweep_columns *columns, float 
     int n = sweep->size;
     struct grain grain = grain_of(sweep);
     struct sv_sweep_job job;
-    assert(n >= 1 && n <= SV_SWEEP_SIZE_MAX && sweep->distance_m > 0);
+    assert(n >= 1 && n <= SV_SWEEP_SIZE_MAX && sweep->distance_m > 0 && sweep->reach >= 1 &&
+           sweep->reach <= 1.25);
     memset(q, 0, (size_t)n * (size_t)n * sizeof *q);
     if (!set_job(sweep, &grain, &job))
         return;
-    double widest = 0;
+    double texel = 2 * sweep->reach / n, first = 0.5 * texel - sweep->reach;
     for (int k = 0; k < n; k++) {
-        double xs = 2 * (k + 0.5 + sweep->shift_x) / n - 1;
-        tangent[k] = (float)(2 * (k + 0.5 - sweep->shift_y) / n - 1);
-        drift[k] = (float)(xs * grain.right / grain.side_m);
-        widest = fmax(widest, fabs(xs) * grain.step_m / grain.side_m);
+        tangent[k] = (float)(first + (k - sweep->shift_y) * texel);
+        drift[k] = (float)((first + (k + sweep->shift_x) * texel) * grain.right / grain.side_m);
     }
     tangent[n] = INFINITY;
     for (int k = n; k < n + LANES; k++)
         drift[k] = drift[n - 1];
-    job.substeps = (int)widest + 1;
     job.tangent = tangent;
     job.drift = drift;
     job.q = q;
-    for (int k = 0; k < n; k += LANES)
+    for (int k = 0; k < n; k += LANES) {
+        double widest = fmax(fabs((double)drift[k]), fabs((double)drift[k + LANES - 1]));
+        job.substeps = (int)(widest * job.step_m) + 1;
         columns(&job, k);
+    }
 }
 
 void sv_sweep(const struct sv_sweep *sweep, float *q)

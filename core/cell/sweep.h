@@ -1,9 +1,10 @@
 /* sweep.h - the ground that a face of a cell shows: for each of its texels, how far the terrain is.
  *
- * Texel (i, j) of a face of n x n looks along xs right + ys up + forward from V, xs = 2 (i + 0.5 + shift_x) /
- * n - 1, ys = 1 - 2 (j + 0.5 + shift_y) / n (row 0 at the top); q = D / Z, Z the metres along forward of the
- * first ground that it meets at Z >= D; 0 < q <= 1, and 0 where it meets none. q is the window depth of a
- * 90-degree camera at V whose near plane is D.
+ * Texel (i, j) of a face of n x n looks along xs right + ys up + forward from V, xs = reach (2 (i + 0.5 +
+ * shift_x) / n - 1), ys = reach (1 - 2 (j + 0.5 + shift_y) / n) (row 0 at the top; reach 1: 90 degrees; a
+ * little more: faces overlap, so that what moves at their borders does not part); q = D / Z, Z the metres
+ * along forward of the first ground that it meets at Z >= D; 0 < q <= 1, and 0 where it meets none. q is the
+ * window depth of a 90-degree camera at V whose near plane is D.
  *
  * Side faces: a column is one azimuth, and sees of its profile whatever rises above all that is nearer
  * (Koiso's running maximum, with the eye for the light; algorithms.md 0.5, A1). The profile is walked
@@ -44,6 +45,7 @@ struct sv_sweep {
     double distance_m; /* D > 0 */
     enum sv_cell_face face;
     int size;                /* n: 1 .. SV_SWEEP_SIZE_MAX */
+    double reach;            /* tangent at the face's edges, 1 .. 1.25 */
     double shift_x, shift_y; /* texels, -0.5 .. 0.5: where in the texel the sample lies, x right, y down */
 };
 

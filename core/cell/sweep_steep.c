@@ -23,8 +23,8 @@ struct affine {
 static struct affine affine_of(const struct face *f, struct sv_vec3 n, double scale)
 {
     int size = f->sweep->size;
-    double step = 2.0 / size, x0 = (0.5 + f->sweep->shift_x) * step - 1,
-           y0 = 1 - (0.5 + f->sweep->shift_y) * step;
+    double reach = f->sweep->reach, step = 2 * reach / size;
+    double x0 = (0.5 + f->sweep->shift_x) * step - reach, y0 = reach - (0.5 + f->sweep->shift_y) * step;
     return (struct affine){(n.x * x0 + n.y * y0 + n.z) * scale, n.x * step * scale, -n.y * step * scale};
 }
 
@@ -68,7 +68,8 @@ static void draw_row(const struct face *f, const struct affine e[3], float sign,
 /* Box, in texels, of the part of a triangle beyond the plane; false: there is none in the face. */
 static bool box_of(const struct face *f, const struct sv_vec3 p[3], double box[4])
 {
-    double half = 0.5 * f->sweep->size, d = f->sweep->distance_m, last = f->sweep->size - 1;
+    double size = f->sweep->size, half = 0.5 * size / f->sweep->reach, d = f->sweep->distance_m,
+           last = size - 1;
     double x0 = INFINITY, x1 = -INFINITY, y0 = INFINITY, y1 = -INFINITY;
     for (int k = 0; k < 3; k++) {
         struct sv_vec3 a = p[k], b = p[(k + 1) % 3];
@@ -83,7 +84,7 @@ static bool box_of(const struct face *f, const struct sv_vec3 p[3], double box[4
                 y1 = fmax(y1, at[m].y / z);
             }
     }
-    double cx = half - 0.5 - f->sweep->shift_x, cy = half - 0.5 - f->sweep->shift_y;
+    double cx = 0.5 * size - 0.5 - f->sweep->shift_x, cy = 0.5 * size - 0.5 - f->sweep->shift_y;
     box[0] = fmax(ceil(x0 * half + cx - 1e-6), 0);
     box[1] = fmin(floor(x1 * half + cx + 1e-6), last);
     box[2] = fmax(ceil(-y1 * half + cy - 1e-6), 0);
@@ -123,8 +124,11 @@ static void draw_cell(const struct face *f, int i, int j)
     struct sv_vec3 p00 = corner(f, i, j), p10 = corner(f, i + 1, j), p01 = corner(f, i, j + 1),
                    p11 = corner(f, i + 1, j + 1);
     double far = fmax(fmax(p00.z, p10.z), fmax(p01.z, p11.z));
-    if (far < f->sweep->distance_m || fmin(p00.x, p10.x) > far || fmax(p00.x, p10.x) < -far ||
-        fmin(p00.y, p01.y) > far || fmax(p00.y, p01.y) < -far)
+    if (far < f->sweep->distance_m)
+        return;
+    far *= f->sweep->reach;
+    if (fmin(p00.x, p10.x) > far || fmax(p00.x, p10.x) < -far || fmin(p00.y, p01.y) > far ||
+        fmax(p00.y, p01.y) < -far)
         return;
     bool anti = (i + j) & 1;
     draw_triangle(f, p00, p10, anti ? p01 : p11);
@@ -150,8 +154,8 @@ void sv_sweep_steep(const struct sv_sweep *sweep, float *q)
                                    : (double)h->h_max - eye; /* what is farther is beside the face */
     if (!(reach >= sweep->distance_m))
         return;
-    range((sweep->v.x - h->x0) / h->dx, 1.01 * reach / h->dx, h->width, &i0, &i1);
-    range((sweep->v.y - h->y0) / h->dy, 1.01 * reach / h->dy, h->height, &j0, &j1);
+    range((sweep->v.x - h->x0) / h->dx, 1.01 * sweep->reach * reach / h->dx, h->width, &i0, &i1);
+    range((sweep->v.y - h->y0) / h->dy, 1.01 * sweep->reach * reach / h->dy, h->height, &j0, &j1);
     for (int j = j0; j <= j1; j++)
         for (int i = i0; i <= i1; i++)
             draw_cell(&f, i, j);

@@ -138,9 +138,10 @@ struct frame {
     struct sv_cells_report *report;
 };
 
-/* A face's content is where right, up within +-forward and forward >= D (scaled by reach for crowns that cross the
- * plane): the hull of four corners and four directions. Out of view when all of them are outside of one plane. */
-static bool face_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face)
+/* What a strip of a face holds is where forward >= D, right within +-across forward and up within bottom .. top times
+ * forward: the hull of four corners and four directions. Out of view when all of them are outside of one plane. */
+static bool strip_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face,
+                          double across, double bottom, double top)
 {
     struct sv_vec3 right, up, forward;
     struct sv_vec3 from = sv_sub(v, f->view->camera.eye);
@@ -150,15 +151,18 @@ static bool face_in_view(const struct frame *f, struct sv_vec3 v, double distanc
         struct sv_vec3 normal = {n[0], n[1], n[2]};
         bool inside = false;
         for (int k = 0; k < 4 && !inside; k++) {
-            struct sv_vec3 d = sv_add(forward, sv_add(sv_scale(right, k & 1 ? 1 : -1),
-                                                                sv_scale(up, k & 2 ? 1 : -1)));
-            inside = sv_dot(normal, d) > 0 ||
-                     sv_dot(normal, sv_add(from, sv_scale(d, distance_m))) + n[3] >= 0;
+            struct sv_vec3 d = sv_madd(sv_madd(forward, right, k & 1 ? across : -across), up, k & 2 ? top : bottom);
+            inside = sv_dot(normal, d) > 0 || sv_dot(normal, sv_madd(from, d, distance_m)) + n[3] >= 0;
         }
         if (!inside)
             return false;
     }
     return true;
+}
+
+static bool face_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face)
+{
+    return strip_in_view(f, v, distance_m, face, 1, -1, 1);
 }
 
 static double now(const struct sv_cells *c)
@@ -302,6 +306,33 @@ static enum sv_status draw_ground_directly(struct sv_cells *c, const struct fram
     return status;
 }
 
+/* Rows of a ground panel that hold anything in view: by blocks, each the hull of its four corner directions at q = 0 and
+ * its corner points at q = 1; and not above the first that is not empty. */
+static void rows_in_view(const struct frame *f, const struct seen *s, int *first, int *end)
+{
+    enum { BLOCK = 16 };
+    int size = s->panel.ground.size;
+    double reach = sv_panels_ground_reach(size);
+    *first = size;
+    *end = 0;
+    for (int j = 0; j < size; j += BLOCK) {
+        double top = reach * (1 - 2.0 * j / size), bottom = reach * (1 - 2.0 * (j + BLOCK) / size);
+        if (!strip_in_view(f, s->panel.about.place.v, s->panel.about.distance_m, s->face, reach, bottom, top))
+            continue;
+        *first = *first < j ? *first : j;
+        *end = j + BLOCK < size ? j + BLOCK : size;
+    }
+    const float *q = s->panel.ground.q;
+    for (; *first < *end; (*first)++) {
+        bool any = false;
+        for (int i = 0; i < size; i++)
+            any |= q[(size_t)*first * (size_t)size + (size_t)i] > 0;
+        if (any)
+            break;
+    }
+    *first = *first > 0 && *first < *end ? *first - 1 : *first; /* its neighbours above are torn off, not cut off */
+}
+
 /* Ground sources among what is seen; the map's rows begin with the band. */
 static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
                                struct sv_warp_source sources[SV_CELL_FACES])
@@ -312,15 +343,29 @@ static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
         if (s->panel.ground.size == 0)
             continue;
         struct sv_warp_source *to = &sources[count++];
-        *to = (struct sv_warp_source){s->panel.ground.size, s->panel.ground.size, s->panel.ground.q,
-                                      s->panel.ground.color, SV_DIRECT_GROUND_CUT, {{{0}}}};
+        int size = s->panel.ground.size, first, end;
+        rows_in_view(f, s, &first, &end);
+        if (first >= end) {
+            count--;
+            continue;
+        }
+        *to = (struct sv_warp_source){size,
+                                      end - first,
+                                      s->panel.ground.q + (size_t)first * (size_t)size,
+                                      s->panel.ground.color + (size_t)first * (size_t)size,
+                                      SV_PANEL_GROUND_CUT * 2 / (float)size,
+                                      {{{0}}}};
         struct sv_sweep sweep = {.v = s->panel.about.place.v,
                                  .distance_m = s->panel.about.distance_m,
                                  .face = s->face,
-                                 .size = s->panel.ground.size};
+                                 .size = size,
+                                 .reach = sv_panels_ground_reach(size)};
         sv_panel_ground_map(&sweep, &f->view->camera, 0, 0, &to->map);
+        for (int a = 0; a < 4; a++) {
+            to->map.m[a][3] += first * to->map.m[a][1]; /* rows count from the first one */
+        }
         for (int a = 0; a < 4; a++)
-            to->map.m[1][a] -= c->row_first * to->map.m[3][a];
+            to->map.m[1][a] -= c->row_first * to->map.m[3][a]; /* so do the band's */
     }
     return count;
 }

@@ -449,9 +449,8 @@ enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resol
     return SV_OK;
 }
 
-/* Neighbours on the panel whose q differ by more lie on different sheets: the same for colour and for the warp. */
 enum sv_status sv_direct_ground_panel(struct sv_direct *r, const struct sv_resolved_view *view,
-                                      const struct sv_sweep *sweep, int samples, float *q, uint8_t (*color)[4],
+                                      const struct sv_sweep *sweep, float *q, uint8_t (*color)[4],
                                       struct sv_error *error)
 {
     struct sv_gl_frame frame;
@@ -463,10 +462,9 @@ enum sv_status sv_direct_ground_panel(struct sv_direct *r, const struct sv_resol
     struct sv_panel_ground_options options = {.sweep = *sweep,
                                               .ground = r->ground,
                                               .light = &frame.light,
-                                              .shadows = shadows ? r->pages : NULL,
-                                              .samples = samples,
-                                              .cut = SV_DIRECT_GROUND_CUT};
-    return sv_panel_ground_make(&options, q, color, error);
+                                              .shadows = shadows ? r->pages : NULL};
+    sv_panel_ground_make(&options, q, color);
+    return SV_OK;
 }
 
 const struct sv_tree_draw *sv_direct_trees(const struct sv_direct *direct)

@@ -12,8 +12,6 @@
 #include "core/view/timings.h"
 
 struct sv_direct;
-/* Neighbouring texels of a ground panel whose q differ by more lie on different sheets. */
-#define SV_DIRECT_GROUND_CUT 0.02F
 struct sv_object_draw;
 
 /* Makes the scene (borrowed for life) ready: GL textures, baked forms (store may be NULL), the light of its
@@ -51,7 +49,7 @@ SV_MUST_CHECK enum sv_status sv_direct_shade_ground(struct sv_direct *direct, co
                                                     uint8_t *rgba, struct sv_error *error);
 /* A ground panel (core/cell/panel_ground.h) under the view's light; its camera is not read. */
 SV_MUST_CHECK enum sv_status sv_direct_ground_panel(struct sv_direct *direct, const struct sv_resolved_view *view,
-                                                    const struct sv_sweep *sweep, int samples, float *q,
+                                                    const struct sv_sweep *sweep, float *q,
                                                     uint8_t (*color)[4], struct sv_error *error);
 
 /* Borrowed; NULL when there are none. */

@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Leaves a pixel of a crowns panel, whatever the view asks for: its texels are seen again and again. */
-enum { PANEL_LEAF_SAMPLES = 4, GROUND_SAMPLES = 4 };
+enum { PANEL_LEAF_SAMPLES = 4 };
 
 struct sv_panels {
     const struct sv_scene *scene;
@@ -59,14 +59,19 @@ static enum sv_status make_room(struct sv_panels *p, size_t pixels, struct sv_er
     return SV_OK;
 }
 
-/* The view from the reference point through the face; near plane at near_m. */
-static struct sv_resolved_view face_view(const struct sv_panels_order *order, double near_m)
+double sv_panels_ground_reach(int size)
+{
+    return 1 + 2.0 / size;
+}
+
+/* The view from the reference point through the face, to tangents of reach; near plane at near_m. */
+static struct sv_resolved_view face_view(const struct sv_panels_order *order, double reach, double near_m)
 {
     struct sv_resolved_view view = *order->view;
     struct sv_camera *c = &view.camera;
     *c = (struct sv_camera){.eye = order->about.place.v,
                             .projection = SV_PROJECTION_PERSPECTIVE,
-                            .vfov_rad = M_PI / 2,
+                            .vfov_rad = 2 * atan(reach),
                             .width = order->about.size,
                             .height = order->about.size,
                             .near_m = near_m};
@@ -86,7 +91,7 @@ static enum sv_status draw_crowns(struct sv_panels *p, const struct sv_panels_or
         return status;
     memset(p->color, 0, 4 * pixels);
     memset(p->depth, 0, pixels * sizeof *p->depth);
-    struct sv_resolved_view view = face_view(order, order->about.distance_m / 2);
+    struct sv_resolved_view view = face_view(order, 1, order->about.distance_m / 2);
     struct sv_canvas canvas = {.width = order->about.size,
                                .height = order->about.size,
                                .row_count = order->about.size,
@@ -135,7 +140,7 @@ static void take_ground(const struct sv_picture *picture, size_t pixels, const s
 static enum sv_status draw_opaque(struct sv_panels *p, const struct sv_panels_order *order,
                                   const struct sv_panel_room *room, struct sv_error *error)
 {
-    struct sv_resolved_view view = face_view(order, order->about.distance_m);
+    struct sv_resolved_view view = face_view(order, sv_panels_ground_reach(order->about.size), order->about.distance_m);
     struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH};
     struct sv_picture picture = {0};
     enum sv_status status = sv_picture_alloc(&view.camera, pass.layers, &picture, error);
@@ -157,9 +162,9 @@ static enum sv_status draw_ground(struct sv_panels *p, const struct sv_panels_or
                              .v = order->about.place.v,
                              .distance_m = order->about.distance_m,
                              .face = order->about.face,
-                             .size = order->about.size};
-    return sv_direct_ground_panel(p->direct, order->view, &sweep, GROUND_SAMPLES, room->ground_q, room->ground_color,
-                                  error);
+                             .size = order->about.size,
+                             .reach = sv_panels_ground_reach(order->about.size)};
+    return sv_direct_ground_panel(p->direct, order->view, &sweep, room->ground_q, room->ground_color, error);
 }
 
 enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, void *block, size_t bytes,

@@ -7,6 +7,9 @@
 
 struct sv_panels;
 
+/* Tangent at the edge of a ground panel of that size: one texel beyond its face, so that neighbours leave no crack. */
+double sv_panels_ground_reach(int size);
+
 /* Borrows scene and direct for life. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_panels_create(const struct sv_scene *scene, struct sv_direct *direct,
                                               struct sv_panels **panels, struct sv_error *error);

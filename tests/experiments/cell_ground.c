@@ -1,7 +1,8 @@
 /* cell_ground.c - the ground of a cell: how long its panels take, whether their depth is what OSMesa draws,
  * and how a warp of them looks beside the drawn picture, at the reference point and off it.
  *
- *   cell_ground [--scene FILE] [--size TEXELS] [--picture PX] [--eyes N] [--cut TEXELS] [--samples 1|4]
+ *   cell_ground [--scene FILE] [--size TEXELS] [--picture PX] [--eyes N] [--cut TEXELS] [--overlap TEXELS]
+ *
  * [--truth 1|16] [-o FOLDER]
  *
  * For each eye: V there, D the largest of 100 m / 2^k whose cube the ground leaves free. cut: in units of 2 /
@@ -14,8 +15,8 @@
 #include <time.h>
 
 #include "core/base/simd.h"
-#include "core/cell/jumps.h"
 #include "core/cell/panel_ground.h"
+#include "core/cell/region.h"
 #include "core/cell/sweep_kernel.h"
 #include "core/gl/frame.h"
 #include "core/gl/target.h"
@@ -28,7 +29,7 @@ struct panel {
     struct sv_sweep sweep;
     float *q;
     uint8_t (*color)[4];
-    struct sv_jumps jumps;
+    struct sv_cell_jumps jumps;
 };
 
 struct bench {
@@ -42,8 +43,9 @@ struct bench {
     struct sv_gl_target *target;
     struct panel panels[SV_CELL_FACES];
     struct sv_warp_buffer buffer;
-    int size, picture, samples, truth;
+    int size, picture, truth;
     float cut;
+    double overlap; /* texels */
     const char *folder;
 };
 
@@ -181,7 +183,6 @@ static void check_depth(struct bench *b, const struct panel *p, double *off, dou
 static void make_panels(struct bench *b, struct sv_vec3 v, double d)
 {
     static const char *const NAMES[SV_CELL_FACES] = {"east", "north", "west", "south", "down", "up"};
-    struct sv_error error = {0};
     size_t n = (size_t)b->size * (size_t)b->size;
     for (int k = 0; k < SV_CELL_FACES; k++) {
         struct panel *p = &b->panels[k];
@@ -190,7 +191,8 @@ static void make_panels(struct bench *b, struct sv_vec3 v, double d)
                                      .v = v,
                                      .distance_m = d,
                                      .face = (enum sv_cell_face)k,
-                                     .size = b->size};
+                                     .size = b->size,
+                                     .reach = 1 + 2 * b->overlap / b->size};
         struct sv_sweep plain = p->sweep;
         plain.blocks = NULL;
         double ms = sweep_ms(&p->sweep, NULL, p->q), scalar = NAN, whole = NAN, off, other;
@@ -199,24 +201,19 @@ static void make_panels(struct bench *b, struct sv_vec3 v, double d)
             whole = sweep_ms(&plain, NULL, p->q);
         }
         check_depth(b, p, &off, &other);
-        struct sv_panel_ground_options o = {.sweep = p->sweep,
-                                            .ground = b->ground,
-                                            .light = &b->light,
-                                            .shadows = b->pages,
-                                            .samples = b->samples,
-                                            .cut = b->cut};
-        must(sv_panel_ground_make(&o, p->q, p->color, &error), "panel", &error);
+        struct sv_panel_ground_options o = {
+            .sweep = p->sweep, .ground = b->ground, .light = &b->light, .shadows = b->pages};
+        sv_panel_ground_make(&o, p->q, p->color);
         double since = processor_ms();
-        must(sv_panel_ground_make(&o, p->q, p->color, &error), "panel",
-             &error); /* its shadows are there now */
+        sv_panel_ground_make(&o, p->q, p->color); /* its shadows are there now */
         double made = processor_ms() - since;
         since = processor_ms();
-        sv_jumps_measure(p->q, b->size, b->cut, &p->jumps);
+        sv_cell_jumps_measure(p->q, b->size, b->cut, &p->jumps);
         printf("  %-5s sweep %.2f ms (no blocks %.2f, scalar %.2f), panel %.2f, jumps %.2f; ground %.1f %%; "
                "off from OSMesa %.3f %%, "
                "one has ground %.3f %%\n",
                NAMES[k], ms, whole, scalar, made, processor_ms() - since,
-               100 * (double)p->jumps.covered / (double)n, 100 * off, 100 * other);
+               100 * (double)p->jumps.texels / (double)n, 100 * off, 100 * other);
     }
 }
 
@@ -224,7 +221,7 @@ static void make_panels(struct bench *b, struct sv_vec3 v, double d)
 
 struct result {
     struct sv_compare_result error;
-    double holes, left, lost, gained, predicted, ms;
+    double holes, left, lost, gained, cracks, predicted, ms;
 };
 
 static void warp(struct bench *b, const struct sv_camera *camera, uint8_t *rgba, struct result *r)
@@ -241,7 +238,7 @@ static void warp(struct bench *b, const struct sv_camera *camera, uint8_t *rgba,
                                              .color = (const uint8_t(*)[4])b->panels[k].color,
                                              .cut = b->cut};
         sv_panel_ground_map(&b->panels[k].sweep, camera, 0, 0, &sources[k].map);
-        if (b->panels[k].jumps.covered > 0)
+        if (b->panels[k].jumps.texels > 0)
             sv_warp_splat(&sources[k], (unsigned)k, &b->buffer, &stats);
     }
     sv_warp_fill(sources, SV_CELL_FACES, &b->buffer, &stats);
@@ -260,18 +257,22 @@ static void warp(struct bench *b, const struct sv_camera *camera, uint8_t *rgba,
     r->left = (double)stats.holes_left / (double)n;
 }
 
-/* Pixels of ground that the warp shows as sky, and the other way, by the drawn depth. */
+/* Pixels of ground that the warp shows as sky, and the other way, by the drawn depth; cracks: of the first,
+ * those that are not at the skyline (ground three pixels up). */
 static void count_sky(struct bench *b, const struct sv_image *depth, struct result *r)
 {
-    size_t n = (size_t)b->picture * (size_t)b->picture, lost = 0, gained = 0;
+    int n = b->picture, lost = 0, gained = 0, cracks = 0;
     const float *z = depth->data;
-    for (size_t k = 0; k < n; k++) {
+    for (int k = 0; k < n * n; k++) {
         bool ground = isfinite(z[k]) && z[k] > 0, has = b->buffer.texel[k] != SV_WARP_EMPTY;
+        bool below = k >= 3 * n && isfinite(z[k - 3 * n]) && z[k - 3 * n] > 0;
         lost += ground && !has;
         gained += has && !ground;
+        cracks += ground && !has && below;
     }
-    r->lost = (double)lost / (double)n;
-    r->gained = (double)gained / (double)n;
+    r->lost = (double)lost / ((double)n * n);
+    r->gained = (double)gained / ((double)n * n);
+    r->cracks = cracks;
 }
 
 /* Differences times 8, and which pixels were filled (red) or are sky where the drawing has ground (blue). */
@@ -292,6 +293,20 @@ static void save_difference(const struct bench *b, const struct sv_image *a, con
         }
     forest_save(&d, path);
     sv_image_free(&d);
+}
+
+/* Share of what the panels cover that is to open for an eye at that offset. */
+static double predicted(const struct bench *b, struct sv_vec3 offset)
+{
+    const struct sv_region_view view = {.focal_px = b->picture, .width = b->picture, .height = b->picture};
+    double sum = 0, texels = 0;
+    for (int k = 0; k < SV_CELL_FACES; k++) {
+        struct sv_region_panel panel = {
+            .face = (enum sv_cell_face)k, .size = b->size, .q_most = 1, .jumps = b->panels[k].jumps};
+        sum += sv_region_predict(&panel, offset, &view).hole_share * panel.jumps.texels;
+        texels += panel.jumps.texels;
+    }
+    return texels > 0 ? sum / texels : 0;
 }
 
 static struct result show(struct bench *b, const struct sv_view_request *base, const struct sv_camera *camera,
@@ -318,15 +333,7 @@ static struct result show(struct bench *b, const struct sv_view_request *base, c
         forest_truth_of(&b->forest, &r, b->truth, &truth);
     const struct sv_image *against = b->truth > 1 ? &truth : &drawn.layer[SV_LAYER_COLOR];
     result.error = forest_compare(&warped, against);
-    uint64_t covered = 0;
-    for (int k = 0; k < SV_CELL_FACES; k++) {
-        struct sv_vec3 right, up, forward;
-        sv_cell_face_axes((enum sv_cell_face)k, &right, &up, &forward);
-        result.predicted += sv_jumps_opened(&b->panels[k].jumps, sv_dot(off, right) / d, sv_dot(off, up) / d,
-                                            sv_dot(off, forward) / d);
-        covered += b->panels[k].jumps.covered;
-    }
-    result.predicted /= covered > 0 ? (double)covered : 1;
+    result.predicted = predicted(b, sv_scale(off, 1 / d));
     if (b->folder) {
         char path[512];
         snprintf(path, sizeof path, "%s/%d-%s-warped.png", b->folder, eye, move->name);
@@ -363,14 +370,15 @@ static void run_eye(struct bench *b, int k, struct result results[MOVE_COUNT])
     for (int m = 0; m < MOVE_COUNT; m++) {
         struct result one = show(b, &r, &view.camera, d, k, &MOVES[m]);
         printf("    %-12s mean %.3f SSIM %.4f  holes %.3f %% (left %.3f; predicted %.3f)  lost %.3f %% "
-               "gained %.3f %%  %.1f ms\n",
+               "gained %.3f %% cracks %.1f px  %.1f ms\n",
                MOVES[m].name, one.error.mean_abs, one.error.ssim, 100 * one.holes, 100 * one.left,
-               100 * one.predicted, 100 * one.lost, 100 * one.gained, one.ms);
+               100 * one.predicted, 100 * one.lost, 100 * one.gained, one.cracks, one.ms);
         results[m].error.mean_abs += one.error.mean_abs;
         results[m].error.ssim += one.error.ssim;
         results[m].holes += one.holes;
         results[m].predicted += one.predicted;
         results[m].lost += one.lost;
+        results[m].cracks += one.cracks;
         results[m].gained += one.gained;
         results[m].ms += one.ms;
     }
@@ -381,16 +389,16 @@ static int usage(void)
     fprintf(stderr,
             "usage: cell_ground [--scene FILE] [--size 64..4096] [--picture 64..2048] [--eyes 1..%d] [--cut "
             "TEXELS] "
-            "[--samples 1|4] [--truth 1|4|16|64] [-o FOLDER]\n",
+            "[--truth 1|4|16|64] [-o FOLDER]\n",
             EYES_MAX);
     return 2;
 }
 
 int main(int argc, char **argv)
 {
-    static struct bench b = {.size = 1024, .picture = 512, .samples = 1, .truth = 1};
+    static struct bench b = {.size = 1024, .picture = 512, .truth = 1, .overlap = 1};
     const char *scene = "tests/experiments/cell_ground.json";
-    double cut = 4;
+    double cut = (double)SV_PANEL_GROUND_CUT;
     int eyes = 4;
     for (int k = 1; k + 1 < argc; k += 2) {
         const char *value = argv[k + 1];
@@ -404,8 +412,8 @@ int main(int argc, char **argv)
             eyes = atoi(value);
         else if (strcmp(argv[k], "--cut") == 0)
             cut = atof(value);
-        else if (strcmp(argv[k], "--samples") == 0)
-            b.samples = atoi(value);
+        else if (strcmp(argv[k], "--overlap") == 0)
+            b.overlap = atof(value);
         else if (strcmp(argv[k], "--truth") == 0)
             b.truth = atoi(value);
         else if (strcmp(argv[k], "-o") == 0)
@@ -423,14 +431,14 @@ int main(int argc, char **argv)
     struct result results[MOVE_COUNT] = {0};
     for (int k = 0; k < eyes; k++)
         run_eye(&b, k, results);
-    printf("means of %d eyes, panels of %d, cut %g texels (%.5f), %d samples\n", eyes, b.size, cut,
-           (double)b.cut, b.samples);
+    printf("means of %d eyes, panels of %d, cut %g texels (%.5f)\n", eyes, b.size, cut, (double)b.cut);
     for (int m = 0; m < MOVE_COUNT; m++)
         printf("  %-12s mean %.3f SSIM %.4f  holes %.3f %% (predicted %.3f)  lost %.3f %% gained %.3f %%  "
+               "cracks %.1f px  "
                "%.1f ms\n",
                MOVES[m].name, results[m].error.mean_abs / eyes, results[m].error.ssim / eyes,
                100 * results[m].holes / eyes, 100 * results[m].predicted / eyes, 100 * results[m].lost / eyes,
-               100 * results[m].gained / eyes, results[m].ms / eyes);
+               100 * results[m].gained / eyes, results[m].cracks / eyes, results[m].ms / eyes);
     close_bench(&b);
     return 0;
 }

@@ -67,7 +67,8 @@ static double truth(const struct sv_sweep *s, double i, double j)
 {
     struct sv_vec3 right, up, forward;
     sv_cell_face_axes(s->face, &right, &up, &forward);
-    double xs = 2 * (i + 0.5 + s->shift_x) / s->size - 1, ys = 1 - 2 * (j + 0.5 + s->shift_y) / s->size;
+    double xs = s->reach * (2 * (i + 0.5 + s->shift_x) / s->size - 1),
+           ys = s->reach * (1 - 2 * (j + 0.5 + s->shift_y) / s->size);
     struct sv_vec3 d = sv_madd(sv_madd(forward, right, xs), up, ys);
     const struct sv_heightfield *f = s->field;
     double best = INFINITY;
@@ -155,7 +156,8 @@ static void run(struct sv_rng *rng, const struct sv_heightfield *f, double x, do
                              .v = {x, y, z + above},
                              .distance_m = d,
                              .face = (enum sv_cell_face)face,
-                             .size = n};
+                             .size = n,
+                             .reach = shift ? sv_rng_range(rng, 1, 1.25) : 1};
         if (shift) {
             s.shift_x = sv_rng_range(rng, -0.5, 0.5);
             s.shift_y = sv_rng_range(rng, -0.5, 0.5);
@@ -218,7 +220,8 @@ static void test_plane(void **state)
                              .v = {f.x0 + 220, f.y0 + 185, f.z0 + 8},
                              .distance_m = 5,
                              .face = (enum sv_cell_face)face,
-                             .size = 32};
+                             .size = 32,
+                             .reach = 1};
         sv_sweep(&s, q);
         for (int j = 0; j < 32; j++)
             for (int i = 0; i < 32; i++) {
