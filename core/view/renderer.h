@@ -30,7 +30,7 @@ SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer, cons
                                               const struct sv_resolved_view *view, struct sv_picture *picture,
                                               struct sv_timings *timings, struct sv_draw_stats *stats,
                                               struct sv_error *error);
-/* Casts what the scene's own sun throws on all of the ground, as fine as takes less than a second or so: before forks,
+/* Casts what the scene's own sun throws on all of the ground, as fine as takes a few seconds at most: before forks,
  * so that all share it. Pictures are the same without. */
 SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error);
 void sv_picture_finish(struct sv_picture *picture);
