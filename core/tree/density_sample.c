@@ -188,7 +188,7 @@ static float kept_share(const struct sv_raster_texture *t, const float lo[2], co
             int x = (int)((u - floorf(u)) * (float)t->width), y = (int)((v - floorf(v)) * (float)t->height);
             x = x < t->width ? x : t->width - 1;
             y = y < t->height ? y : t->height - 1;
-            kept += t->mask[(size_t)y * (size_t)t->width + (size_t)x];
+            kept += sv_raster_texture_keeps(t, x, y);
         }
     return (float)kept / (SIDE * SIDE);
 }

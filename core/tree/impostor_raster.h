@@ -14,8 +14,15 @@ enum { SV_RASTER_NONE = -1 };
 struct sv_raster_texture {
     int width, height;
     uint8_t *texels; /* heap; sRGB r, g, b; NULL: no texture */
-    uint8_t *mask;   /* in the same block: 1 where the alpha test keeps it */
+    uint8_t *mask; /* in the same block: a bit a texel, from the lowest: the alpha test keeps it. (In bytes it
+                      would not stay in the first cache.) */
 };
+
+static inline bool sv_raster_texture_keeps(const struct sv_raster_texture *t, int i, int j)
+{
+    size_t at = (size_t)j * (size_t)t->width + (size_t)i;
+    return t->mask[at / 8] >> at % 8 & 1;
+}
 
 struct sv_raster {
     const struct sv_tree_mesh *mesh;
