@@ -1,5 +1,5 @@
 /* impostor_raster.h - which triangle is seen at each sample of an orthographic picture of a mesh: the
- * z-buffer of the bakes (impostor_bake.c, cloud_bake.c).
+ * z-buffer of the bakes (sprite_bake.c, cloud_bake.c).
  *
  * Keeps only depth and triangle; what a sample looks like is worked out once, for what is seen. The alpha
  * test is that of mesh.h, on masks prepared at no less than 256 texels a side. Private to core/tree. */
