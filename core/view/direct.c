@@ -255,7 +255,7 @@ static enum sv_status draw_objects(struct sv_direct *r, const struct sv_resolved
     return sv_object_draw_view(r->objects, frame, &options, stats, error);
 }
 
-static enum sv_tree_form form_of(enum sv_trees trees)
+enum sv_tree_form sv_direct_tree_form(enum sv_trees trees)
 {
     static const enum sv_tree_form forms[SV_TREES_COUNT] = {
         [SV_TREES_AUTO] = SV_TREE_FORM_AUTO,           [SV_TREES_POLYGON] = SV_TREE_FORM_POLYGON,
@@ -310,7 +310,7 @@ static enum sv_status draw_trees(struct sv_direct *r, const struct sv_resolved_v
 {
     struct sv_tree_draw_stats trees = {0};
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
-    options.form = form_of(view->plan.trees);
+    options.form = sv_direct_tree_form(view->plan.trees);
     options.error_px = view->plan.tree_error_px;
     options.leaf_samples = view->plan.samples > 1 ? 1 : view->plan.leaf_samples;
     options.color_only = !canvas && r->targets[0].layers == 1u << SV_LAYER_COLOR;
@@ -398,7 +398,7 @@ enum sv_status sv_direct_draw(struct sv_direct *r, const struct sv_resolved_view
     if (!status)
         status = draw_opaque(r, view, &frame, shadows, pass, stats, error);
     bool trees = r->trees && pass->trees && view->plan.draw_trees;
-    bool canvas_form = sv_tree_form_on_canvas(form_of(view->plan.trees));
+    bool canvas_form = sv_tree_form_on_canvas(sv_direct_tree_form(view->plan.trees));
     if (!status && trees && !canvas_form)
         status = draw_trees(r, view, &frame, shadows, NULL, NULL, stats, error);
     if (!status)

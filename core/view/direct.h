@@ -52,6 +52,8 @@ SV_MUST_CHECK enum sv_status sv_direct_ground_panel(struct sv_direct *direct, co
                                                     const struct sv_sweep *sweep, float *q,
                                                     uint8_t (*color)[4], struct sv_error *error);
 
+/* The form that a request's trees are drawn in (core/tree/draw.h); AUTO for what is not one. */
+enum sv_tree_form sv_direct_tree_form(enum sv_trees trees);
 /* Borrowed; NULL when there are none. */
 const struct sv_tree_draw *sv_direct_trees(const struct sv_direct *direct);
 const struct sv_object_draw *sv_direct_objects(const struct sv_direct *direct);

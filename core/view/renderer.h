@@ -32,7 +32,7 @@ SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer,
                                               const struct sv_resolved_view *view, struct sv_picture *picture,
                                               struct sv_timings *timings, struct sv_draw_stats *stats,
                                               struct sv_error *error);
-/* Casts what the scene's own sun throws on all of the ground, as fine as takes less than a second or so:
+/* Casts what the scene's own sun throws on all of the ground, as fine as takes a few seconds at most:
  * before forks, so that all share it. Pictures are the same without. */
 SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error);
 /* The forest's drawing, for its sizes (sv_tree_draw_bytes); NULL when the scene has no trees. Borrowed. */
