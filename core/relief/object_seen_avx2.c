@@ -47,8 +47,8 @@ int sv_relief_beside_avx2(const uint8_t *cell, int width, uint8_t *group)
         __m256i none = _mm256_cmpeq_epi64(any, zero);
         /* a byte of each of four: 0 where none is */
         __m128i words = _mm_packs_epi32(_mm256_castsi256_si128(none), _mm256_extracti128_si256(none, 1));
-        int32_t four = _mm_cvtsi128_si32(_mm_shuffle_epi8(words, _mm_setr_epi8(0, 4, 8, 12, -1, -1, -1, -1, -1,
-                                                                               -1, -1, -1, -1, -1, -1, -1)));
+        int32_t four = _mm_cvtsi128_si32(_mm_shuffle_epi8(
+            words, _mm_setr_epi8(0, 4, 8, 12, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)));
         four = ~four & 0x01010101;
         memcpy(group, &four, 4);
     }
