@@ -46,10 +46,9 @@ static int pixels(float lo, float hi, int size, int *first)
 static void draw(const struct sv_relief_map *map, const struct quad *q)
 {
     float det = q->e1[0] * q->e2[1] - q->e1[1] * q->e2[0], lo[3], hi[3];
-    float turn = map->du * map->dv > 0 ? 1 : -1;
     for (int k = 0; k < 3; k++)
         extent(q, k, &lo[k], &hi[k]);
-    if (!(det * turn > ((hi[0] - lo[0]) * (hi[1] - lo[1])) * SV_RELIEF_EDGE_ON))
+    if (!(fabsf(det) > ((hi[0] - lo[0]) * (hi[1] - lo[1])) * SV_RELIEF_EDGE_ON))
         return;
     int i0, j0, nx = pixels(q->at[0] + lo[0], q->at[0] + hi[0], map->width, &i0);
     int ny = pixels(q->at[1] + lo[1], q->at[1] + hi[1], map->height, &j0);

@@ -145,7 +145,6 @@ static void draw(const struct sv_relief_map *map, const struct quads *q, __m256 
 
 void sv_relief_cast_avx2(const struct sv_relief_map *map, const struct sv_relief_quads *quads, size_t count)
 {
-    const __m256 turn = splat(map->du * map->dv > 0 ? 1 : -1);
     struct list list;
     list.count = 0; /* and nothing more: the rest is large */
     for (size_t n = 0; n < count; n++) {
@@ -154,7 +153,8 @@ void sv_relief_cast_avx2(const struct sv_relief_map *map, const struct sv_relief
         project(map, &quads[n], 1, &q);
         __m256 det = cross(q.e1[0], q.e2[1], q.e1[1], q.e2[0]);
         __m256 box = mul(_mm256_sub_ps(q.hi[0], q.lo[0]), _mm256_sub_ps(q.hi[1], q.lo[1]));
-        __m256 drawn = _mm256_cmp_ps(mul(det, turn), mul(box, splat(SV_RELIEF_EDGE_ON)), _CMP_GT_OQ);
+        __m256 size = _mm256_andnot_ps(splat(-0.0f), det);
+        __m256 drawn = _mm256_cmp_ps(size, mul(box, splat(SV_RELIEF_EDGE_ON)), _CMP_GT_OQ);
         if (!_mm256_movemask_ps(drawn))
             continue;
         project(map, &quads[n], 2, &q);

@@ -64,7 +64,7 @@ static struct truth truth_of(const struct sv_relief_map *map, const struct sv_re
     return t;
 }
 
-/* Of each pixel the greatest depth of those that hold its centre and are turned to the light; pixels within
+/* Of each pixel the greatest depth of those that hold its centre; pixels within
  * 1/100 of an edge may be either (SV_WARP_EDGE is 1/1024 of a side, coordinates round at 1e-5), and so may
  * all of a sliver. Depths are sums of a few terms below 1: to 1e-5 on sides that are not slivers. */
 static void test_truth(void **state)
@@ -86,8 +86,8 @@ static void test_truth(void **state)
                 double x = p % WIDTH + 0.5 - t.at[0], y = p / WIDTH + 0.5 - t.at[1];
                 double s = (x * t.e2[1] - y * t.e2[0]) / t.det, r = (y * t.e1[0] - x * t.e1[1]) / t.det;
                 double least = fmin(fmin(s, r), fmin(1 - s, 1 - r));
-                bool turned = t.det * (double)(map.du * map.dv) > 0, sliver = fabs(t.det) < 0.05;
-                if (least > 0.01 && turned && !sliver)
+                bool sliver = fabs(t.det) < 0.05;
+                if (least > 0.01 && !sliver)
                     most = fmax(most, t.at[2] + s * t.e1[2] + r * t.e2[2]);
                 unsure = unsure || (least > (sliver ? -10 : -0.01) && (least < 0.01 || sliver));
             }
