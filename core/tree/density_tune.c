@@ -25,9 +25,8 @@ enum { STEPS = 5, VIEWS_MAX = 8, SIDE_MAX = 1024, BLOCK = 16, SPARSE = 128 };
 /* Samples of a raster; those of a pixel are 8 x 8, fewer where they would be more than that: with 4 x 4 the
  * noise of leaves smaller than a pixel is a fifth of the energy. */
 enum { SUB = 8, SAMPLES_MAX = 3 << 20 };
-/* Share of the polygons' energy that is aimed at. Less than all of it, for what errors of place cost grows
- * with it. */
-static const double AIM = 0.95;
+/* Share of the polygons' energy that is aimed at. */
+static const double AIM = 1;
 static const float COARSEST = 0.5f, FINEST = -2.5f;
 static const float SKY = 0.5f;      /* linear */
 static const float EDGE_ON = 0.05f; /* draw_cloud.c */
