@@ -103,7 +103,7 @@ static void finish_plane(struct sums *sums, const struct sv_cloud_plane *of, str
 {
     double x[TERMS];
     *plane = (struct sv_density_plane){.length = 1, .slender = 1};
-    for (int c = 0; c < 6; c++) /* |c| = 3/16 + 15/16 c^2 + ...: as impostor_bake.c has it */
+    for (int c = 0; c < 6; c++) /* |c| = 3/16 + 15/16 c^2 + ...: as impostor_frame.c has it */
         plane->scatter[c] =
             (c < 3 ? 3.0f / 16 : 0) + (sums->weight > 0 ? (float)(15.0 / 16 * sums->square[c] / sums->weight)
                                        : c < 3          ? 5.0f / 16
@@ -190,7 +190,7 @@ static float kept_share(const struct sv_raster_texture *t, const float lo[2], co
             int x = (int)((u - floorf(u)) * (float)t->width), y = (int)((v - floorf(v)) * (float)t->height);
             x = x < t->width ? x : t->width - 1;
             y = y < t->height ? y : t->height - 1;
-            kept += t->mask[(size_t)y * (size_t)t->width + (size_t)x];
+            kept += sv_raster_texture_keeps(t, x, y);
         }
     return (float)kept / (SIDE * SIDE);
 }

@@ -5,7 +5,7 @@ target_link_libraries(sv_tree_upload PUBLIC sv_gl sv_tree sv_base)
 add_library(
   sv_tree_draw STATIC
   draw.c draw_cull.c draw_mesh.c ladder.c
-  impostor.c impostor_bake.c impostor_frame.c impostor_guess.c impostor_raster.c least_squares.c
+  impostor.c impostor_frame.c impostor_guess.c impostor_raster.c least_squares.c
   cloud_bake.c cloud_light.c cloud_order.c billboard.c draw_billboard.c
   draw_cloud.c draw_cloud_build.c draw_cloud_form.c
   indirect.c indirect_save.c draw_indirect.c

@@ -30,6 +30,8 @@ struct sv_cloud_form_row {
     /* Any process, no GL. *data: heap. */
     enum sv_status (*build)(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud, void **data,
                             size_t *bytes, struct sv_error *error);
+    /* What the textures take with that many planes, built or not: sv_cloud_textures.bytes. */
+    size_t (*bytes)(const struct sv_tree_mesh *mesh, int planes);
     /* Takes any bytes: SV_EFORMAT. textures comes zeroed, with tiles and outlines of whole rectangles; what
      * it holds after a failure is freed by the caller. */
     enum sv_status (*upload)(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
@@ -41,6 +43,12 @@ extern const struct sv_cloud_form_row sv_cloud_forms[SV_CLOUD_FORM_COUNT];
 
 /* An array texture with a part of billboards: for forms that have them beside their own. */
 unsigned sv_form_billboard_part(const struct sv_billboards *billboards, enum sv_billboard_part part);
+
+/* draw_billboard.c, draw_indirect.c, draw_density.c */
+size_t sv_form_billboard_bytes(const struct sv_tree_mesh *mesh, int planes);
+size_t sv_form_indirect_bytes(const struct sv_tree_mesh *mesh, int planes);
+size_t sv_form_density_bytes(const struct sv_tree_mesh *mesh, int planes);
+size_t sv_form_density_paper_bytes(const struct sv_tree_mesh *mesh, int planes);
 
 /* draw_billboard.c, draw_indirect.c */
 enum sv_status sv_form_billboard_build(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,

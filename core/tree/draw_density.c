@@ -176,6 +176,32 @@ static enum sv_status upload(const struct sv_tree_mesh *mesh, const struct sv_tr
     return status;
 }
 
+static size_t mip_bytes(int side, int levels)
+{
+    size_t bytes = 0;
+    for (int k = 0; k < levels; k++)
+        bytes += 4 * (size_t)(side >> k) * (size_t)(side >> k);
+    return bytes;
+}
+
+static size_t light_bytes(void)
+{
+    return 2 * mip_bytes(SV_DENSITY_LIGHT_SIDE, 1);
+}
+
+size_t sv_form_density_bytes(const struct sv_tree_mesh *mesh, int planes)
+{
+    (void)mesh;
+    return (size_t)planes * (2 * mip_bytes(SV_DENSITY_TILE, SV_DENSITY_LEVELS) + light_bytes());
+}
+
+size_t sv_form_density_paper_bytes(const struct sv_tree_mesh *mesh, int planes)
+{
+    (void)mesh;
+    return (size_t)planes * (2 * mip_bytes(SV_DENSITY_TILE, 1) + light_bytes()) +
+           mip_bytes(SV_DENSITY_LEAF_SIDE, SV_DENSITY_LEAF_LEVELS);
+}
+
 enum sv_status sv_form_density_upload(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
                                       const void *data, size_t bytes, struct sv_cloud_textures *textures,
                                       struct sv_error *error)
