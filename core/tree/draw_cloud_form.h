@@ -11,12 +11,12 @@
 #include "core/tree/cloud.h"
 #include "core/tree/draw_cloud.h"
 
-enum { SV_CLOUD_TEXTURES_MAX = 6, SV_CLOUD_PARAMS = 4, SV_CLOUD_OUTLINE = 8 };
+enum { SV_CLOUD_TEXTURES_MAX = 6, SV_CLOUD_PARAMS = 5, SV_CLOUD_OUTLINE = 8 };
 
 /* A species' form on the GL side. */
 struct sv_cloud_textures {
     unsigned name[SV_CLOUD_TEXTURES_MAX], target[SV_CLOUD_TEXTURES_MAX]; /* GL names and targets; 0: none */
-    float params[SV_CLOUD_PARAMS][4];                     /* uniform vec4 params[4] of the fragment shader */
+    float params[SV_CLOUD_PARAMS][4];                     /* uniform vec4 params[] of the fragment shader */
     float outline[SV_CLOUD_PLANES_MAX][SV_CLOUD_OUTLINE]; /* billboard.h; {INFINITY ...}: the rectangle */
     float tile[SV_CLOUD_PLANES_MAX][4]; /* the plane's picture in an atlas: st_atlas = xy + zw * st; (0,0,1,1)
                                            for arrays, which have a layer a plane */

@@ -129,7 +129,8 @@ static enum sv_status upload_plain(const struct sv_density *density, const uint8
     t->bytes += upload_tiles(t, 1, GL_RGBA8, levels.normal, SV_DENSITY_LEVELS, density->plane_count);
     t->bytes += upload_light(t, 2, density);
     t->params[1][1] = sv_density_sharp_scale(density, texels);
-    t->params[1][2] = density->finer;
+    memcpy(t->params[1] + 2, density->finer, 2 * sizeof(float));
+    memcpy(t->params[4], density->finer + 2, sizeof t->params[4]); /* the other four */
     float bars[SV_DENSITY_LEVELS];
     sv_density_bars(density, &levels, bars);
     memcpy(t->params + 2, bars, sizeof bars); /* params[2] and [3] */
