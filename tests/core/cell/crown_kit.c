@@ -110,7 +110,8 @@ static double spread(const struct sv_crown_source *s, int row, int i, int j)
     return most[0] + most[1];
 }
 
-static bool project(const struct sv_crown_source *s, int i, int j, struct shot *shot)
+/* False also where the texel is too far from (x, y) to cover it. */
+static bool project(const struct sv_crown_source *s, int i, int j, double x, double y, struct shot *shot)
 {
     int size = s->layer->size;
     double xs = 2 * (i + 0.5) / size - 1, ys = 1 - 2 * (j + 0.5) / size, h = 1.0 / size, p[4];
@@ -122,6 +123,8 @@ static bool project(const struct sv_crown_source *s, int i, int j, struct shot *
     shot->x = p[0] / p[3];
     shot->y = p[1] / p[3];
     shot->d = p[2] / p[3];
+    if (fmax(fabs(x - shot->x), fabs(y - shot->y)) > SV_CROWN_HALF_MAX + 1)
+        return false;
     shot->half_x = fmin(h * spread(s, 0, i, j) / (p[3] * p[3]) + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
     shot->half_y = fmin(h * spread(s, 1, i, j) / (p[3] * p[3]) + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
     return shot->d >= 0 && shot->d <= 1;
@@ -138,7 +141,8 @@ static void nearest(const struct sv_crown_source *sources, unsigned count, int i
         int size = sources[k].layer->size;
         for (int texel = 0; texel < size * size; texel++) {
             struct shot s;
-            if (sources[k].layer->q[texel] == 0 || !project(&sources[k], texel % size, texel / size, &s))
+            if (sources[k].layer->q[texel] == 0 ||
+                !project(&sources[k], texel % size, texel / size, i + 0.5, row + 0.5, &s))
                 continue;
             double out = fmax(fabs(i + 0.5 - s.x) - s.half_x, fabs(row + 0.5 - s.y) - s.half_y);
             if (fabs(out) < SURE_PX)
