@@ -15,7 +15,7 @@ void crown_panel_make(int size, struct crown_panel *p)
         abort();
     memset(p->room.color, 0, (size_t)size * (size_t)size * 4);
     memset(p->room.q, 0, (size_t)size * (size_t)size * 2);
-    sv_panel_finish_crowns(&p->room);
+    sv_panel_set_tiles(&p->room);
     if (sv_panel_open(p->block, bytes, &p->panel, NULL) != SV_OK)
         abort();
 }
@@ -54,7 +54,7 @@ void crown_panel_blobs(struct crown_panel *p, struct sv_rng *rng, double cover, 
         blob(p, rng, radius, sv_rng_range(rng, q_lo, q_hi));
         left -= 0.7 * SV_PI * radius * radius;
     }
-    sv_panel_finish_crowns(&p->room);
+    sv_panel_set_tiles(&p->room);
 }
 
 void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q)
@@ -63,7 +63,7 @@ void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q)
         memcpy(p->room.color[k], color, 4);
         p->room.q[k] = (uint16_t)lrint(q * SV_PANEL_Q_ONE);
     }
-    sv_panel_finish_crowns(&p->room);
+    sv_panel_set_tiles(&p->room);
 }
 
 struct sv_camera crown_camera(enum sv_cell_face face, struct sv_vec3 v, double distance_m,
@@ -203,12 +203,12 @@ void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i
                     struct crown_truth *truth)
 {
     nearest(sources, count, i, row, truth);
-    if (!truth->any) {
+    for (int reach = 1; reach <= SV_CROWN_REACH && !truth->any; reach++) {
         struct crown_truth near = {.d = -1};
         bool unsure = truth->unsure;
-        for (int k = 0; k < 9; k++) {
+        for (int k = 0; k < (2 * reach + 1) * (2 * reach + 1); k++) {
             struct crown_truth t;
-            nearest(sources, count, i + k % 3 - 1, row + k / 3 - 1, &t);
+            nearest(sources, count, i + k % (2 * reach + 1) - reach, row + k / (2 * reach + 1) - reach, &t);
             unsure |= t.unsure || (t.any && t.d != near.d && fabs(t.d - near.d) < 1e-5 * t.d);
             if (t.any &&
                 (t.d > near.d || (t.d == near.d && (t.source < near.source ||

@@ -75,7 +75,7 @@ static struct sv_panel random_panel(struct sv_rng *rng, int slot, int size)
         memcpy(room.color[k], &bits, 4);
         room.q[k] = sv_rng_unit(rng) < fill ? (uint16_t)(bits >> 40) : 0;
     }
-    sv_panel_finish_crowns(&room);
+    sv_panel_set_tiles(&room);
     for (int k = 0; sv_rng_unit(rng) < 0.3 && k < sv_panel_tiles(size) * sv_panel_tiles(size); k++) {
         uint64_t bits = sv_rng_next(rng);
         memcpy(&room.tiles[k], &bits, sizeof room.tiles[k]);

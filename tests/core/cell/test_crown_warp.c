@@ -197,7 +197,7 @@ static void test_single_texel(void **state)
         crown_panel_make(32, &panel);
         memcpy(panel.room.color[at], (const uint8_t[4]){255, 255, 255, 255}, 4);
         panel.room.q[at] = (uint16_t)(q * SV_PANEL_Q_ONE);
-        sv_panel_finish_crowns(&panel.room);
+        sv_panel_set_tiles(&panel.room);
         q = panel.room.q[at] / (double)SV_PANEL_Q_ONE;
         source.layer = &panel.panel.crowns;
         sv_crown_map(v, 20, SV_CELL_NORTH, &camera, 0, 0, source.m);
