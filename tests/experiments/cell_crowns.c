@@ -15,7 +15,7 @@
 #include "core/tree/sprite.h"
 #include "tests/experiments/forest_kit.h"
 
-enum { VIEW = 512, RINGS_MAX = SV_CELL_RINGS_MAX };
+enum { VIEW = 512, RINGS_MAX = SV_CELL_RINGS_MAX, ROUNDS = 41 };
 
 struct options {
     uint32_t trees;
@@ -159,43 +159,74 @@ static bool in_view(const struct sv_camera *camera, enum sv_cell_face face)
 }
 
 struct cost {
-    double splat_ms, resolve_ms;
+    double splat_ms, resolve_ms; /* medians */
     struct sv_crown_stats stats;
 };
+
+/* What is in view of one ring. */
+struct ring {
+    struct sv_crown_source sources[SV_CELL_FACES];
+    struct sv_panel panels[SV_CELL_FACES];
+    void *blocks[SV_CELL_FACES];
+    unsigned count;
+};
+
+static void ring_build(struct stand *s, const struct options *o, const struct sv_cell_shell *shell,
+                       const struct sv_cell_place *place, const struct sv_camera *camera, struct ring *ring)
+{
+    ring->count = 0;
+    for (int face = 0; face < SV_CELL_FACES; face++) {
+        unsigned k = ring->count;
+        if (!in_view(camera, (enum sv_cell_face)face))
+            continue;
+        build(s, o, shell, place, (enum sv_cell_face)face, &ring->blocks[k], &ring->panels[k]);
+        ring->sources[k].layer = &ring->panels[k].crowns;
+        sv_crown_map(shell->v, shell->distance_m, (enum sv_cell_face)face, camera, 0, 0, ring->sources[k].m);
+        ring->count++;
+    }
+}
+
+static void frame(const struct ring *rings, int count, struct sv_crown_buffer *buffer, float (*light)[4],
+                  double *splat_ms, double *resolve_ms, struct sv_crown_stats *stats)
+{
+    *splat_ms = *resolve_ms = 0;
+    for (int n = 0; n < VIEW * VIEW; n++)
+        memcpy(light[n], (const float[4]){0, 0, 0, 1}, sizeof light[n]);
+    sv_crown_buffer_begin(buffer);
+    for (int k = 0; k < count; k++) {
+        double start = now_ms();
+        sv_crown_buffer_clear(buffer);
+        sv_crown_splat(rings[k].sources, rings[k].count, buffer, stats);
+        double middle = now_ms();
+        sv_crown_resolve(rings[k].sources, rings[k].count, buffer, NULL, 0, light);
+        *splat_ms += middle - start;
+        *resolve_ms += now_ms() - middle;
+    }
+}
 
 static void warp(struct stand *s, const struct options *o, const struct sv_cell_rings *rings,
                  const struct sv_cell_place *chain, const struct sv_camera *camera, float (*light)[4],
                  struct cost *cost)
 {
+    static struct ring built[RINGS_MAX];
+    static double splat[ROUNDS], resolve[ROUNDS];
     struct sv_crown_buffer *buffer;
-    memset(cost, 0, sizeof *cost);
+    for (int k = 0; k < rings->count; k++) {
+        struct sv_cell_shell shell = sv_cell_shell(rings, &chain[k], false);
+        ring_build(s, o, &shell, &chain[k], camera, &built[k]);
+    }
     if (sv_crown_buffer_create(camera->width, 0, camera->height, &buffer, NULL))
         die("buffer");
-    for (int ring = 0; ring < rings->count; ring++) {
-        struct sv_cell_shell shell = sv_cell_shell(rings, &chain[ring], false);
-        struct sv_crown_source sources[SV_CELL_FACES];
-        struct sv_panel panels[SV_CELL_FACES];
-        void *blocks[SV_CELL_FACES];
-        unsigned count = 0;
-        for (int face = 0; face < SV_CELL_FACES; face++) {
-            if (!in_view(camera, (enum sv_cell_face)face))
-                continue;
-            build(s, o, &shell, &chain[ring], (enum sv_cell_face)face, &blocks[count], &panels[count]);
-            sources[count].layer = &panels[count].crowns;
-            sv_crown_map(shell.v, shell.distance_m, (enum sv_cell_face)face, camera, 0, 0, sources[count].m);
-            count++;
-        }
-        sv_crown_buffer_clear(buffer);
-        double start = now_ms();
-        sv_crown_splat(sources, count, buffer, &cost->stats);
-        double middle = now_ms();
-        sv_crown_resolve(sources, count, buffer, NULL, 0, light);
-        cost->splat_ms += middle - start;
-        cost->resolve_ms += now_ms() - middle;
-        for (unsigned k = 0; k < count; k++)
-            free(blocks[k]);
+    for (int round = 0; round < ROUNDS; round++) {
+        memset(&cost->stats, 0, sizeof cost->stats);
+        frame(built, rings->count, buffer, light, &splat[round], &resolve[round], &cost->stats);
     }
+    cost->splat_ms = forest_median(splat, ROUNDS);
+    cost->resolve_ms = forest_median(resolve, ROUNDS);
     sv_crown_buffer_destroy(buffer);
+    for (int k = 0; k < rings->count; k++)
+        for (unsigned n = 0; n < built[k].count; n++)
+            free(built[k].blocks[n]);
 }
 
 /* Over a sky that turns into ground at the horizon. */
@@ -252,8 +283,6 @@ static void one_eye(const struct forest *forest, struct stand *s, const struct o
     draw(s, &view.camera, &filter, direct.data, depth);
     light_of(direct.data, light);
     over_background((const void *)light, direct.data);
-    for (int n = 0; n < VIEW * VIEW; n++)
-        memcpy(other[n], (const float[4]){0, 0, 0, 1}, sizeof other[n]);
     warp(s, o, &rings, chain, &view.camera, other, &cost);
     over_background((const void *)other, warped.data);
     struct sv_compare_result r = forest_compare(&warped, &direct);
