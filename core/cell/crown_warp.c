@@ -185,9 +185,10 @@ static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, in
         max_y = y > max_y ? y : max_y;
     }
     /* Beyond those: SV_CROWN_GROW and rounding, then the neighbours that resolve looks at. */
-    float x1 = fminf(max_x + 1.5f, s->hi_x), y1 = fminf(max_y + 1.5f, s->hi_y);
-    min_x = fmaxf(min_x - 1.5f, s->lo_x);
-    min_y = fmaxf(min_y - 1.5f, s->lo_y);
+    const float around = SV_CROWN_REACH + 0.5f;
+    float x1 = fminf(max_x + around, s->hi_x), y1 = fminf(max_y + around, s->hi_y);
+    min_x = fmaxf(min_x - around, s->lo_x);
+    min_y = fmaxf(min_y - around, s->lo_y);
     return min_x > x1 || min_y > y1 ||
            all_closed(s->buffer, (int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y), (int)floorf(y1));
 }

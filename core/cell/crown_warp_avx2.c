@@ -215,27 +215,30 @@ static inline __m256i load4(const uint64_t *keys)
 /* Whether any pixel of the box and around it holds a key. */
 static bool any_key(const struct sv_crown_buffer *buffer, int i0, int i1, int j0, int j1)
 {
-    __m256i epoch = _mm256_set1_epi64x((long long)buffer->epoch), any = _mm256_setzero_si256();
-    for (int j = j0 - 1; j <= j1; j++) {
-        const uint64_t *keys = sv_crown_at(buffer, i0 - 1, j);
-        for (int i = 0; i < i1 - i0 + 2; i += 4) /* rows have room for more than the apron */
-            any = _mm256_or_si256(any, _mm256_cmpgt_epi64(load4(keys + i), epoch));
+    __m256d any = _mm256_setzero_pd();
+    for (int j = j0 - SV_CROWN_REACH; j < j1 + SV_CROWN_REACH; j++) {
+        const uint64_t *keys = sv_crown_at(buffer, i0 - SV_CROWN_REACH, j);
+        for (int i = 0; i < i1 - i0 + 2 * SV_CROWN_REACH; i += 4) /* rows have room for more than the apron */
+            any = _mm256_max_pd(any, _mm256_castsi256_pd(load4(keys + i)));
     }
-    return !_mm256_testz_si256(any, any);
+    __m256i epoch = _mm256_set1_epi64x((long long)buffer->epoch);
+    return _mm256_movemask_epi8(_mm256_cmpgt_epi64(_mm256_castpd_si256(any), epoch)) != 0;
 }
 
-/* Four pixels' keys, or their nearest neighbours' where they have none. Keys are positive and, as doubles, in
- * the same order. */
+/* Four pixels' keys, or the nearest ones of the first square around each that has any. Keys are positive and,
+ * as doubles, in the same order. */
 static inline __m256i shown_keys(const uint64_t *keys, ptrdiff_t stride, __m256i epoch, bool open)
 {
-    __m256i own = load4(keys), there = _mm256_cmpgt_epi64(own, epoch);
-    if (!open || _mm256_movemask_epi8(there) == -1)
-        return own;
-    __m256d best = _mm256_setzero_pd();
-    for (int j = -1; j <= 1; j++)
-        for (int i = -1; i <= 1; i++)
-            best = _mm256_max_pd(best, _mm256_castsi256_pd(load4(keys + j * stride + i)));
-    return _mm256_blendv_epi8(_mm256_castpd_si256(best), own, there);
+    __m256i best = load4(keys), there = _mm256_cmpgt_epi64(best, epoch);
+    for (int reach = 1; open && reach <= SV_CROWN_REACH && _mm256_movemask_epi8(there) != -1; reach++) {
+        __m256d around = _mm256_castsi256_pd(best);
+        for (int j = -reach; j <= reach; j++)
+            for (int i = -reach; i <= reach; i++)
+                around = _mm256_max_pd(around, _mm256_castsi256_pd(load4(keys + j * stride + i)));
+        best = _mm256_blendv_epi8(_mm256_castpd_si256(around), best, there);
+        there = _mm256_cmpgt_epi64(best, epoch);
+    }
+    return best;
 }
 
 /* Eight pixels of one row: keys taken apart. */

@@ -5,7 +5,7 @@
  * source and texel, inverted (4 + 24). With an epoch of at most 30 keys are finite doubles of the same order,
  * too. The largest wins, so that nearer beats farther and no order of drawing matters; a clear is a new
  * epoch, which beats all that is there, and empties memory once in 30 times. Around the band lies an apron of
- * one pixel, splatted like the rest, for resolve looks at neighbours.
+ * SV_CROWN_REACH pixels, splatted like the rest, for resolve looks at neighbours.
  *
  * The same arithmetic in the same order at every level (no fused multiply-add, true divisions). */
 #ifndef SV_CELL_CROWN_WARP_KERNEL_H
@@ -17,7 +17,7 @@
 #include "core/base/simd.h"
 #include "core/cell/crown_warp.h"
 
-enum { SV_CROWN_APRON = 1, SV_CROWN_BLOCK = 16 };
+enum { SV_CROWN_APRON = SV_CROWN_REACH, SV_CROWN_BLOCK = 16 };
 enum { SV_CROWN_EPOCH_SHIFT = 58, SV_CROWN_DEPTH_SHIFT = 28, SV_CROWN_TEXEL_BITS = 24, SV_CROWN_EPOCHS = 30 };
 #define SV_CROWN_TAG_MASK ((UINT32_C(1) << SV_CROWN_DEPTH_SHIFT) - 1)
 #define SV_CROWN_TEXEL_MASK ((UINT32_C(1) << SV_CROWN_TEXEL_BITS) - 1)
@@ -30,7 +30,7 @@ struct sv_crown_buffer {
     int origin;     /* where the key of column 0, picture row 0 is, or would be */
     int nowhere;    /* a key that is no pixel's */
     uint64_t epoch; /* 1 .. SV_CROWN_EPOCHS, shifted to its place */
-    uint64_t *keys; /* row_count + 2 rows */
+    uint64_t *keys; /* row_count and the apron's rows */
     int blocks_x, blocks_y, closed_count;
     uint8_t *closed; /* of blocks of 16 x 16 pixels of the band: nothing passes any more */
 };

@@ -52,17 +52,17 @@ static void draw_tile(const struct sv_crown_splat *s, const struct sv_crown_tile
 
 /* ---- resolve ---- */
 
-/* The key of what a pixel shows: its own, or the nearest of its neighbours'; not above the epoch: nothing. */
+/* The key of what a pixel shows: its own, or the nearest one of the first square around it that has any; not
+ * above the epoch: nothing. */
 static uint64_t shown_key(const struct sv_crown_buffer *buffer, const uint64_t *own)
 {
-    uint64_t best = 0;
-    if (*own > buffer->epoch)
-        return *own;
-    for (int j = -1; j <= 1; j++)
-        for (int i = -1; i <= 1; i++) {
-            uint64_t key = own[j * buffer->stride + i];
-            best = key > best ? key : best;
-        }
+    uint64_t best = *own;
+    for (int reach = 1; reach <= SV_CROWN_REACH && best <= buffer->epoch; reach++)
+        for (int j = -reach; j <= reach; j++)
+            for (int i = -reach; i <= reach; i++) {
+                uint64_t key = own[j * buffer->stride + i];
+                best = key > best ? key : best;
+            }
     return best;
 }
 

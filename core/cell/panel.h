@@ -8,9 +8,9 @@
  * crowns that reach over it (algorithms.md 2.1, 2.2).
  *
  * Crowns are see-through: colour premultiplied by coverage, rgb = 255 sqrt(linear), a = 255 coverage; q a
- * code of 1 / 32768. A texel is occupied where its code is not 0: texels that show something, and around them
- * a rim of empty ones (colour 0) that carry their neighbours' q, so that bilinear edges are whole. Tiles of
- * 16 x 16 texels say how many are occupied and between which q, so that empty ones cost nothing.
+ * code of 1 / 32768. A texel is occupied where its code is not 0: where it shows something (elsewhere colour
+ * is 0, too). Tiles of 16 x 16 texels say how many are occupied and between which q, so that empty ones cost
+ * nothing.
  *
  * Ground is opaque, as core/relief/warp.h takes it: sRGB straight, a 255 or 0, q in float (0: nothing).
  *
@@ -120,8 +120,8 @@ enum { SV_PANEL_SCALE_MAX = 8, SV_PANEL_REACH = 4 };
 SV_MUST_CHECK enum sv_status sv_panel_crowns(const struct sv_panel_drawing *drawing,
                                              const struct sv_panel_room *room, struct sv_error *error);
 
-/* The last steps of sv_panel_crowns for whoever writes color and q himself (code 0 where a = 0): rims, then
- * tiles. */
-void sv_panel_finish_crowns(const struct sv_panel_room *room);
+/* The last step of sv_panel_crowns for whoever writes color and q himself (code 0 and colour 0 where nothing
+ * is). */
+void sv_panel_set_tiles(const struct sv_panel_room *room);
 
 #endif

@@ -1,14 +1,11 @@
 /* panel_crowns.c - crowns of a panel out of a drawn canvas: decode, mean, codes; unknown q from neighbours;
- * rims; tiles. One pass each, row by row, in plain loops that compilers turn into vectors. */
+ * tiles. One pass each, row by row, in plain loops that compilers turn into vectors. */
 #include "core/cell/panel.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/base/color.h"
-
-/* Rows are padded by one entry on each side. */
-enum { ROW = SV_PANEL_SIZE_MAX + 2 };
 
 static uint16_t code_of_q(double q)
 {
@@ -123,39 +120,6 @@ static enum sv_status spread(const struct sv_panel_room *room, struct sv_error *
     return SV_OK;
 }
 
-/* wide[i + 1]: the largest of texels i - 1, i, i + 1 of a row; row -1 and row `size` hold nothing. */
-static void widen(const struct sv_panel_room *room, int row, uint16_t *wide)
-{
-    uint16_t padded[ROW];
-    int size = room->size;
-    memset(padded, 0, ((size_t)size + 2) * sizeof *padded);
-    if (row < size)
-        memcpy(padded + 1, room->q + (size_t)row * (size_t)size, (size_t)size * sizeof *padded);
-    for (int i = 0; i < size; i++) {
-        uint16_t a = padded[i], b = padded[i + 1], c = padded[i + 2];
-        a = a > b ? a : b;
-        wide[i] = a > c ? a : c;
-    }
-}
-
-static void set_rims(const struct sv_panel_room *room)
-{
-    uint16_t rows[3][ROW];
-    int size = room->size;
-    memset(rows[2], 0, sizeof rows[2]);
-    widen(room, 0, rows[0]);
-    for (int j = 0; j < size; j++) {
-        const uint16_t *above = rows[(j + 2) % 3], *same = rows[j % 3], *below = rows[(j + 1) % 3];
-        widen(room, j + 1, rows[(j + 1) % 3]);
-        uint16_t *q = room->q + (size_t)j * (size_t)size;
-        for (int i = 0; i < size; i++) {
-            uint16_t a = above[i] > same[i] ? above[i] : same[i];
-            a = a > below[i] ? a : below[i];
-            q[i] = q[i] ? q[i] : a;
-        }
-    }
-}
-
 static void set_tile(const struct sv_panel_room *room, int x0, int y0, struct sv_panel_tile *tile)
 {
     int size = room->size, x1 = x0 + SV_PANEL_TILE < size ? x0 + SV_PANEL_TILE : size;
@@ -173,10 +137,9 @@ static void set_tile(const struct sv_panel_room *room, int x0, int y0, struct sv
     *tile = (struct sv_panel_tile){(uint16_t)(count ? low : 0), (uint16_t)high, (uint16_t)count, 0};
 }
 
-void sv_panel_finish_crowns(const struct sv_panel_room *room)
+void sv_panel_set_tiles(const struct sv_panel_room *room)
 {
     int side = sv_panel_tiles(room->size);
-    set_rims(room);
     for (int j = 0; j < side; j++)
         for (int i = 0; i < side; i++)
             set_tile(room, i * SV_PANEL_TILE, j * SV_PANEL_TILE, &room->tiles[j * side + i]);
@@ -201,6 +164,6 @@ enum sv_status sv_panel_crowns(const struct sv_panel_drawing *drawing, const str
         if (status != SV_OK)
             return status;
     }
-    sv_panel_finish_crowns(room);
+    sv_panel_set_tiles(room);
     return SV_OK;
 }

@@ -15,7 +15,7 @@ void crown_panel_make(int size, struct crown_panel *p)
         abort();
     memset(p->room.color, 0, (size_t)size * (size_t)size * 4);
     memset(p->room.q, 0, (size_t)size * (size_t)size * 2);
-    sv_panel_finish_crowns(&p->room);
+    sv_panel_set_tiles(&p->room);
     if (sv_panel_open(p->block, bytes, &p->panel, NULL) != SV_OK)
         abort();
 }
@@ -54,7 +54,7 @@ void crown_panel_blobs(struct crown_panel *p, struct sv_rng *rng, double cover, 
         blob(p, rng, radius, sv_rng_range(rng, q_lo, q_hi));
         left -= 0.7 * SV_PI * radius * radius;
     }
-    sv_panel_finish_crowns(&p->room);
+    sv_panel_set_tiles(&p->room);
 }
 
 void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q)
@@ -63,7 +63,7 @@ void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q)
         memcpy(p->room.color[k], color, 4);
         p->room.q[k] = (uint16_t)lrint(q * SV_PANEL_Q_ONE);
     }
-    sv_panel_finish_crowns(&p->room);
+    sv_panel_set_tiles(&p->room);
 }
 
 struct sv_camera crown_camera(enum sv_cell_face face, struct sv_vec3 v, double distance_m,
@@ -110,7 +110,8 @@ static double spread(const struct sv_crown_source *s, int row, int i, int j)
     return most[0] + most[1];
 }
 
-static bool project(const struct sv_crown_source *s, int i, int j, struct shot *shot)
+/* False also where the texel is too far from (x, y) to cover it. */
+static bool project(const struct sv_crown_source *s, int i, int j, double x, double y, struct shot *shot)
 {
     int size = s->layer->size;
     double xs = 2 * (i + 0.5) / size - 1, ys = 1 - 2 * (j + 0.5) / size, h = 1.0 / size, p[4];
@@ -122,6 +123,8 @@ static bool project(const struct sv_crown_source *s, int i, int j, struct shot *
     shot->x = p[0] / p[3];
     shot->y = p[1] / p[3];
     shot->d = p[2] / p[3];
+    if (fmax(fabs(x - shot->x), fabs(y - shot->y)) > SV_CROWN_HALF_MAX + 1)
+        return false;
     shot->half_x = fmin(h * spread(s, 0, i, j) / (p[3] * p[3]) + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
     shot->half_y = fmin(h * spread(s, 1, i, j) / (p[3] * p[3]) + SV_CROWN_GROW, SV_CROWN_HALF_MAX);
     return shot->d >= 0 && shot->d <= 1;
@@ -138,7 +141,8 @@ static void nearest(const struct sv_crown_source *sources, unsigned count, int i
         int size = sources[k].layer->size;
         for (int texel = 0; texel < size * size; texel++) {
             struct shot s;
-            if (sources[k].layer->q[texel] == 0 || !project(&sources[k], texel % size, texel / size, &s))
+            if (sources[k].layer->q[texel] == 0 ||
+                !project(&sources[k], texel % size, texel / size, i + 0.5, row + 0.5, &s))
                 continue;
             double out = fmax(fabs(i + 0.5 - s.x) - s.half_x, fabs(row + 0.5 - s.y) - s.half_y);
             if (fabs(out) < SURE_PX)
@@ -199,12 +203,12 @@ void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i
                     struct crown_truth *truth)
 {
     nearest(sources, count, i, row, truth);
-    if (!truth->any) {
+    for (int reach = 1; reach <= SV_CROWN_REACH && !truth->any; reach++) {
         struct crown_truth near = {.d = -1};
         bool unsure = truth->unsure;
-        for (int k = 0; k < 9; k++) {
+        for (int k = 0; k < (2 * reach + 1) * (2 * reach + 1); k++) {
             struct crown_truth t;
-            nearest(sources, count, i + k % 3 - 1, row + k / 3 - 1, &t);
+            nearest(sources, count, i + k % (2 * reach + 1) - reach, row + k / (2 * reach + 1) - reach, &t);
             unsure |= t.unsure || (t.any && t.d != near.d && fabs(t.d - near.d) < 1e-5 * t.d);
             if (t.any &&
                 (t.d > near.d || (t.d == near.d && (t.source < near.source ||

@@ -15,7 +15,7 @@ struct crown_panel {
 void crown_panel_make(int size, struct crown_panel *p);
 void crown_panel_free(struct crown_panel *p);
 /* Random blobs at random q with ragged borders and half transparent texels; share of texels that show
- * something about `cover`; rims and tiles set. */
+ * something about `cover`; tiles set. */
 void crown_panel_blobs(struct crown_panel *p, struct sv_rng *rng, double cover, double q_lo, double q_hi);
 /* Every texel: one colour (premultiplied codes), one q. */
 void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q);
@@ -28,7 +28,7 @@ struct sv_camera crown_camera(enum sv_cell_face face, struct sv_vec3 v, double d
 
 /* What the brute force says of a pixel. */
 struct crown_truth {
-    bool any;    /* a texel covers it, or one of its neighbours */
+    bool any;    /* a texel covers it, or a pixel around it */
     bool unsure; /* that depends on less than rounding may do */
     unsigned source;
     int texel;       /* row * size + column */

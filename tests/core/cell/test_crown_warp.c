@@ -11,7 +11,16 @@
 #include "core/cell/crown_warp_kernel.h"
 #include "tests/core/cell/crown_kit.h"
 
-enum { SEED = 41 };
+enum { SEED = 41, LEVELS = 2 };
+static const struct sv_crown_kernel *levels[LEVELS];
+
+static int set_up(void **state)
+{
+    (void)state;
+    levels[0] = &sv_crown_scalar;
+    levels[1] = sv_crown_kernel_of(sv_simd_level());
+    return 0;
+}
 
 struct picture {
     int width, height;
@@ -98,7 +107,7 @@ static void test_brute_force(void **state)
             sv_crown_map(v, 20, n ? other : face, &camera, 0.1, -0.2, sources[n].m);
         }
         struct picture p = picture_make(camera.width, camera.height);
-        draw_band(&sv_crown_scalar, sources, 2, 0, camera.height, NULL, &p);
+        draw_band(levels[k % LEVELS], sources, 2, 0, camera.height, NULL, &p);
         judge(sources, 2, &p, &sum);
         free(p.light);
         crown_panel_free(&panel[0]);
@@ -108,10 +117,315 @@ static void test_brute_force(void **state)
     assert_true(sum.shown > sum.pixels / 4 && sum.unsure < sum.pixels / 10);
 }
 
+/* ---- closed forms ---- */
+
+static double triangle(double t) /* 0 at even, 1 at odd whole numbers */
+{
+    double r = t - 2 * floor(t / 2);
+    return r < 1 ? r : 2 - r;
+}
+
+/* Panels of one q whose coverage goes to and fro between 0 and 1 from texel to texel, along columns or rows:
+ * light says where in a texel the pixel fell. Truth: the pixel's ray meets the plane at depth D / q from V.
+ * Allowed: 1 / 256 of a texel is what weights are cut to, 0.01 px of rounding (a pixel is at most 4 texels
+ * here: 0.04). */
+static void test_plane_homography(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(SEED, 2);
+    const double distance = 12.5;
+    double worst = 0;
+    long seen = 0;
+    for (int k = 0; k < 60; k++) {
+        enum sv_cell_face face = (enum sv_cell_face)(k % SV_CELL_FACES);
+        struct sv_vec3 v = sv_vec3(5e5, 4.1e6, 300), right, up, forward;
+        struct sv_vec3 offset = sv_vec3(sv_rng_range(&rng, -0.2, 0.2), sv_rng_range(&rng, -0.2, 0.2),
+                                        sv_rng_range(&rng, -0.2, 0.2));
+        const double turn[3] = {sv_rng_range(&rng, -0.5, 0.5), sv_rng_range(&rng, -0.4, 0.4),
+                                sv_rng_range(&rng, -3, 3)};
+        struct sv_camera camera = crown_camera(face, v, distance, offset, turn, 1.1, 67, 45);
+        struct crown_panel panel;
+        struct sv_crown_source source;
+        double q = (k % 3 == 0 ? 1 : sv_rng_range(&rng, 0.05, 1.9)), shift = k % 2 ? 0.3 : 0;
+        crown_panel_make(64, &panel);
+        crown_panel_flat(&panel, (const uint8_t[4]){0, 0, 0, 0}, q);
+        for (int n = 0; n < 64 * 64; n++)
+            panel.room.color[n][3] = (k & 4 ? n / 64 : n % 64) & 1 ? 255 : 0;
+        q = panel.room.q[0] / (double)SV_PANEL_Q_ONE;
+        source.layer = &panel.panel.crowns;
+        sv_crown_map(v, distance, face, &camera, shift, -shift, source.m);
+        struct picture p = picture_make(67, 45);
+        draw_band(levels[k % LEVELS], &source, 1, 0, 45, NULL, &p);
+        sv_cell_face_axes(face, &right, &up, &forward);
+        for (int n = 0; n < 67 * 45; n++) {
+            struct sv_vec3 origin, ray, eye = sv_sub(camera.eye, v);
+            sv_camera_ray(&camera, n % 67 + 0.5 + shift, n / 67 + 0.5 - shift, &origin, &ray);
+            double along = (distance / q - sv_dot(eye, forward)) / sv_dot(ray, forward);
+            struct sv_vec3 hit = sv_madd(eye, ray, along);
+            double us = (sv_dot(hit, right) / sv_dot(hit, forward) + 1) * 32 - 0.5;
+            double vs = (1 - sv_dot(hit, up) / sv_dot(hit, forward)) * 32 - 0.5;
+            if (!(along > camera.near_m && us > 0 && us < 63 && vs > 0 && vs < 63))
+                continue;
+            double error = fabs(triangle(k & 4 ? vs : us) - (1 - (double)p.light[n][3]));
+            worst = fmax(worst, error);
+            seen++;
+            if (!(error <= 1.0 / 256 + 0.04))
+                fail_msg("case %d pixel (%d, %d): %.4f texels off", k, n % 67, n / 67, error);
+        }
+        free(p.light);
+        crown_panel_free(&panel);
+    }
+    printf("%ld pixels, worst %.5f texels\n", seen, worst);
+    assert_true(seen > 60 * 67 * 45 / 4);
+}
+
+/* One texel that shows something: light gathers around where the camera sees its place in the world, in all
+ * as much as the texel's square covers there (its bilinear hat has the volume of one texel). */
+static void test_single_texel(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(SEED, 3);
+    for (int k = 0; k < 40; k++) {
+        struct crown_panel panel;
+        struct sv_crown_source source;
+        struct sv_vec3 v = sv_vec3(10, -20, 30), right, up, forward;
+        const double turn[3] = {sv_rng_range(&rng, -0.2, 0.2), sv_rng_range(&rng, -0.2, 0.2), 0.3};
+        struct sv_vec3 offset = sv_vec3(sv_rng_range(&rng, -0.2, 0.2), sv_rng_range(&rng, -0.2, 0.2), 0.1);
+        struct sv_camera camera = crown_camera(SV_CELL_NORTH, v, 20, offset, turn, 1.2, 96, 80);
+        int i = 12 + k % 9, j = 11 + k % 10, at = j * 32 + i;
+        double q = sv_rng_range(&rng, 0.1, 1.5), px, py, z, sum = 0, x = 0, y = 0;
+        crown_panel_make(32, &panel);
+        memcpy(panel.room.color[at], (const uint8_t[4]){255, 255, 255, 255}, 4);
+        panel.room.q[at] = (uint16_t)(q * SV_PANEL_Q_ONE);
+        sv_panel_set_tiles(&panel.room);
+        q = panel.room.q[at] / (double)SV_PANEL_Q_ONE;
+        source.layer = &panel.panel.crowns;
+        sv_crown_map(v, 20, SV_CELL_NORTH, &camera, 0, 0, source.m);
+        struct picture p = picture_make(96, 80);
+        draw_band(levels[k % LEVELS], &source, 1, 0, 80, NULL, &p);
+        for (int n = 0; n < 96 * 80; n++) {
+            assert_float_equal(p.light[n][0], 1 - p.light[n][3], 1e-6);
+            sum += (double)p.light[n][0];
+            x += (double)p.light[n][0] * (n % 96 + 0.5);
+            y += (double)p.light[n][0] * (n / 96 + 0.5);
+        }
+        sv_cell_face_axes(SV_CELL_NORTH, &right, &up, &forward);
+        struct sv_vec3 tangent =
+            sv_madd(sv_madd(forward, right, (2 * i + 1) / 32.0 - 1), up, 1 - (2 * j + 1) / 32.0);
+        assert_true(sv_camera_project(&camera, sv_madd(v, tangent, 20 / q), &px, &py, &z));
+        /* The hat is sampled at pixel centres, about 2 a texel: its centroid to a tenth of a pixel. */
+        assert_true(sum > 0 && fabs(x / sum - px) < 0.1 && fabs(y / sum - py) < 0.1);
+        free(p.light);
+        crown_panel_free(&panel);
+    }
+}
+
+/* ---- against itself ---- */
+
+struct scene {
+    struct crown_panel panel[3];
+    struct sv_crown_source sources[3];
+    unsigned count;
+    int width, height;
+};
+
+/* Faces around a corner, seen from near V; sizes that are and are not whole tiles. */
+static void scene_make(struct sv_rng *rng, int k, struct scene *s)
+{
+    static const enum sv_cell_face faces[3] = {SV_CELL_NORTH, SV_CELL_EAST, SV_CELL_DOWN};
+    static const int sizes[6] = {16, 40, 64, 33, 100, 71};
+    struct sv_vec3 v = sv_vec3(412345.5, 4123456.25, 310);
+    struct sv_vec3 offset =
+        sv_vec3(sv_rng_range(rng, -0.3, 0.3), sv_rng_range(rng, -0.3, 0.3), sv_rng_range(rng, -0.3, 0.3));
+    const double turn[3] = {sv_rng_range(rng, -0.4, 1.2), sv_rng_range(rng, -0.7, 0.3),
+                            sv_rng_range(rng, -1, 1)};
+    s->count = 1 + (unsigned)k % 3;
+    s->width = 30 + k * 7 % 40;
+    s->height = 20 + k * 11 % 50;
+    struct sv_camera camera =
+        crown_camera(SV_CELL_NORTH, v, 20, offset, turn, sv_rng_range(rng, 0.2, 2.2), s->width, s->height);
+    for (unsigned n = 0; n < s->count; n++) {
+        crown_panel_make(sizes[(unsigned)(k + (int)n) % 6], &s->panel[n]);
+        crown_panel_blobs(&s->panel[n], rng, sv_rng_range(rng, 0.05, 0.8), 0.05, 1.9);
+        s->sources[n].layer = &s->panel[n].panel.crowns;
+        sv_crown_map(v, 20, faces[n], &camera, 0.2, 0.4, s->sources[n].m);
+    }
+}
+
+static void scene_free(struct scene *s)
+{
+    for (unsigned n = 0; n < s->count; n++)
+        crown_panel_free(&s->panel[n]);
+}
+
+static float *some_depth(struct sv_rng *rng, int pixels)
+{
+    float *depth = malloc((size_t)pixels * sizeof *depth);
+    for (int n = 0; n < pixels; n++) {
+        double pick = sv_rng_unit(rng);
+        depth[n] = pick < 0.5 ? 0 : pick < 0.52 ? NAN : pick < 0.54 ? INFINITY : (float)sv_rng_unit(rng);
+    }
+    return depth;
+}
+
+static void some_light(struct sv_rng *rng, struct picture *p)
+{
+    for (int n = 0; n < p->width * p->height; n++)
+        for (int c = 0; c < 4; c++)
+            p->light[n][c] = (float)(sv_rng_unit(rng) < 0.2 ? 0 : sv_rng_unit(rng));
+}
+
+static void assert_same(const struct picture *a, const struct picture *b, const char *what, int k)
+{
+    for (int n = 0; n < a->width * a->height; n++)
+        if (memcmp(a->light[n], b->light[n], sizeof a->light[n]) != 0)
+            fail_msg("%s, seed %d case %d, pixel (%d, %d): %a %a %a %a and %a %a %a %a", what, SEED, k,
+                     n % a->width, n / a->width, (double)a->light[n][0], (double)a->light[n][1],
+                     (double)a->light[n][2], (double)a->light[n][3], (double)b->light[n][0],
+                     (double)b->light[n][1], (double)b->light[n][2], (double)b->light[n][3]);
+}
+
+static void test_levels_agree(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(SEED, 4);
+    if (sv_simd_level() != SV_SIMD_AVX2)
+        skip();
+    for (int k = 0; k < 200; k++) {
+        struct scene s;
+        scene_make(&rng, k, &s);
+        struct picture a = picture_make(s.width, s.height), b = picture_make(s.width, s.height);
+        float *depth = k % 3 ? some_depth(&rng, s.width * s.height) : NULL;
+        if (k % 2)
+            some_light(&rng, &a);
+        memcpy(b.light, a.light, (size_t)(s.width * s.height) * sizeof *a.light);
+        draw_band(&sv_crown_scalar, s.sources, s.count, 0, s.height, depth, &a);
+        draw_band(&sv_crown_avx2, s.sources, s.count, 0, s.height, depth, &b);
+        assert_same(&a, &b, "scalar and AVX2", k);
+        free(depth);
+        free(a.light);
+        free(b.light);
+        scene_free(&s);
+    }
+}
+
+/* Rings, one after the other, into one picture: bands and the whole, with and without leaving out what is
+ * closed. */
+static void draw_rings(const struct sv_crown_kernel *kernel, const struct scene *rings, int count, int first,
+                       int rows, bool leave_out, struct picture *p)
+{
+    struct sv_crown_buffer *buffer;
+    assert_int_equal(sv_crown_buffer_create(p->width, first, rows, &buffer, NULL), SV_OK);
+    for (int ring = 0; ring < count; ring++) {
+        if (!leave_out)
+            sv_crown_buffer_begin(buffer);
+        sv_crown_buffer_clear(buffer);
+        sv_crown_splat_at(kernel, rings[ring].sources, rings[ring].count, buffer, NULL);
+        sv_crown_resolve_at(kernel, rings[ring].sources, rings[ring].count, buffer, NULL, 0,
+                            p->light + (size_t)first * (size_t)p->width);
+    }
+    sv_crown_buffer_destroy(buffer);
+}
+
+static void test_bands_and_rings(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(SEED, 5);
+    enum { RINGS = 40 };
+    for (int k = 0; k < 12; k++) {
+        static struct scene rings[RINGS];
+        int count = k < 10 ? 3 : RINGS; /* many: keys' epochs begin again */
+        for (int ring = 0; ring < count; ring++) {
+            scene_make(&rng, k + ring, &rings[ring]);
+            rings[ring].width = 70;
+            rings[ring].height = 64;
+        }
+        struct picture whole = picture_make(70, 64), plain = picture_make(70, 64),
+                       bands = picture_make(70, 64);
+        const struct sv_crown_kernel *kernel = levels[k % LEVELS];
+        draw_rings(kernel, rings, count, 0, 64, true, &whole);
+        draw_rings(kernel, rings, count, 0, 64, false, &plain);
+        assert_same(&plain, &whole, "with and without leaving out", k);
+        for (int row = 0; row < 64;) {
+            int rows = 1 + (int)sv_rng_range(&rng, 0, 64 - row);
+            draw_rings(kernel, rings, count, row, rows, true, &bands);
+            row += rows;
+        }
+        assert_same(&whole, &bands, "bands", k);
+        free(whole.light);
+        free(plain.light);
+        free(bands.light);
+        for (int ring = 0; ring < count; ring++)
+            scene_free(&rings[ring]);
+    }
+}
+
+/* What is left out behind closed pixels is some: a wall, then a second one. */
+static void test_closed_is_left_out(void **state)
+{
+    (void)state;
+    struct crown_panel panel;
+    struct sv_crown_source source;
+    struct sv_crown_stats stats[2] = {{0, 0, 0}, {0, 0, 0}};
+    struct sv_crown_buffer *buffer;
+    struct picture p = picture_make(64, 64);
+    struct sv_camera camera = crown_camera(SV_CELL_NORTH, sv_vec3(0, 0, 0), 10, sv_vec3(0, 0, 0),
+                                           (const double[3]){0, 0, 0}, 1, 64, 64);
+    crown_panel_make(128, &panel);
+    crown_panel_flat(&panel, (const uint8_t[4]){90, 90, 90, 255}, 0.8);
+    source.layer = &panel.panel.crowns;
+    sv_crown_map(sv_vec3(0, 0, 0), 10, SV_CELL_NORTH, &camera, 0, 0, source.m);
+    assert_int_equal(sv_crown_buffer_create(64, 0, 64, &buffer, NULL), SV_OK);
+    for (int ring = 0; ring < 2; ring++) {
+        sv_crown_buffer_clear(buffer);
+        sv_crown_splat(&source, 1, buffer, &stats[ring]);
+        sv_crown_resolve(&source, 1, buffer, NULL, 0, p.light);
+    }
+    assert_true(stats[0].drawn > 0 && stats[0].drawn < stats[0].tiles && stats[0].tiles == 64);
+    assert_true(stats[1].tiles == 64 && stats[1].drawn == 0 && stats[1].texels == 0);
+    sv_crown_buffer_begin(buffer);
+    sv_crown_splat(&source, 1, buffer, &stats[1]);
+    assert_int_equal(stats[1].drawn, stats[0].drawn);
+    sv_crown_buffer_destroy(buffer);
+    free(p.light);
+    crown_panel_free(&panel);
+}
+
+/* Opaque things in front hide, by more than the tolerance, pixel by pixel. */
+static void test_depth(void **state)
+{
+    (void)state;
+    struct crown_panel panel;
+    struct sv_crown_source source;
+    float depth[32 * 32];
+    struct sv_camera camera = crown_camera(SV_CELL_SOUTH, sv_vec3(0, 0, 0), 10, sv_vec3(0, 0, 0),
+                                           (const double[3]){0, 0, 0}, 1, 32, 32);
+    crown_panel_make(64, &panel);
+    crown_panel_flat(&panel, (const uint8_t[4]){90, 90, 90, 128}, 0.5);
+    source.layer = &panel.panel.crowns;
+    sv_crown_map(sv_vec3(0, 0, 0), 10, SV_CELL_SOUTH, &camera, 0, 0, source.m);
+    double d = camera.near_m / 20;
+    for (int n = 0; n < 32 * 32; n++)
+        depth[n] = (float)(d * (n % 4 == 0 ? 0 : n % 4 == 1 ? 0.9 : n % 4 == 2 ? 1.005 : 1.02));
+    for (int level = 0; level < LEVELS; level++) {
+        struct picture p = picture_make(32, 32);
+        draw_band(levels[level], &source, 1, 0, 32, depth, &p); /* tolerance 0.01 */
+        for (int n = 0; n < 32 * 32; n++) {
+            double expected = n % 4 == 3 ? 1 : 1 - 128 / 255.0;
+            assert_float_equal(p.light[n][3], expected, 1e-5);
+        }
+        free(p.light);
+    }
+    crown_panel_free(&panel);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_brute_force),
+        cmocka_unit_test(test_brute_force),     cmocka_unit_test(test_plane_homography),
+        cmocka_unit_test(test_single_texel),    cmocka_unit_test(test_levels_agree),
+        cmocka_unit_test(test_bands_and_rings), cmocka_unit_test(test_closed_is_left_out),
+        cmocka_unit_test(test_depth),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, set_up, NULL);
 }
