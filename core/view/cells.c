@@ -24,6 +24,8 @@
  * depth is that of their middle where they are far). */
 #define BEHIND 0.01f
 
+/* Leaves of trees this near are pixels large: more samples cost more than they mend. */
+enum { NEAR_LEAF_SAMPLES = 1 };
 enum { PINS_MAX = SV_CELL_RINGS_MAX * SV_CELL_FACES };
 
 /* Panels that a view is drawn from. */
@@ -290,17 +292,28 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
 
 /* ---- what is opaque ---- */
 
+/* What stands on the ground besides trees cannot be shaded by depth alone. */
+static bool has_objects(const struct sv_cells *c)
+{
+    return c->scene->object_count > 0;
+}
+
 static enum sv_status draw_ground_directly(struct sv_cells *c, const struct frame *f, struct sv_error *error)
 {
-    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH, .sky = f->sky};
+    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_DEPTH, .sky = f->sky};
     struct sv_picture picture = {0};
+    if (has_objects(c))
+        pass.layers |= 1u << SV_LAYER_COLOR;
     enum sv_status status = sv_picture_alloc(&f->view->camera, pass.layers, &picture, error);
     if (!status)
         status = sv_direct_draw(c->direct, f->view, &pass, &picture, NULL, error);
     if (!status) {
         size_t skip = (size_t)c->row_first * (size_t)c->width, pixels = (size_t)c->row_count * (size_t)c->width;
         memcpy(c->depth, (const float *)picture.layer[SV_LAYER_DEPTH].data + skip, pixels * sizeof *c->depth);
-        memcpy(c->rgba, (const uint8_t *)picture.layer[SV_LAYER_COLOR].data + 4 * skip, 4 * pixels);
+        if (has_objects(c))
+            memcpy(c->rgba, (const uint8_t *)picture.layer[SV_LAYER_COLOR].data + 4 * skip, 4 * pixels);
+        else
+            memset(c->rgba, 0, 4 * pixels);
     }
     sv_picture_finish(&picture);
     return status;
@@ -390,16 +403,17 @@ static enum sv_status warp_ground(struct sv_cells *c, const struct frame *f, str
     return SV_OK;
 }
 
-/* The sky into what no ground fills. */
-static enum sv_status draw_sky(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+/* What crowns let through: sky where no ground is, and ground that has no colour yet. */
+static enum sv_status shade_behind(struct sv_cells *c, const struct frame *f, struct sv_error *error)
 {
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
-    if (!f->sky || f->ground_ring < 0)
+    bool direct = f->ground_ring < 0;
+    if (direct ? has_objects(c) : !f->sky)
         return SV_OK;
     for (size_t k = 0; k < pixels; k++)
-        c->hidden[k] = c->depth[k] > 0 || c->light[k][3] < SV_CROWN_PASS_MIN;
-    struct sv_resolved_view view = *f->view;
-    return sv_direct_shade_ground(c->direct, &view, true, c->depth, c->hidden, c->rgba[0], error);
+        c->hidden[k] = c->light[k][3] < SV_CROWN_PASS_MIN || (!direct && c->depth[k] > 0);
+    return sv_direct_shade_ground(c->direct, f->view, f->sky, c->row_first, c->row_count, c->depth, c->hidden,
+                                  c->rgba[0], error);
 }
 
 /* ---- crowns ---- */
@@ -443,7 +457,9 @@ static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8
                                .row_count = c->row_count,
                                .depth = c->depth,
                                .color = rgba};
-    return sv_direct_draw_trees(c->direct, f->view, &shell, &canvas, stats, error);
+    struct sv_resolved_view view = *f->view;
+    view.plan.leaf_samples = view.plan.leaf_samples < NEAR_LEAF_SAMPLES ? view.plan.leaf_samples : NEAR_LEAF_SAMPLES;
+    return sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
 }
 
 static double since(const struct sv_cells *c, struct sv_cells_report *report, enum sv_stage stage, double from)
@@ -474,7 +490,7 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
     release(c);
     t = since(c, report, SV_STAGE_WARP, t);
     if (!status)
-        status = draw_sky(c, &f, error);
+        status = shade_behind(c, &f, error);
     if (!status)
         sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])c->light, (const uint8_t(*)[4])c->rgba,
                    (uint8_t(*)[4])rgba);

@@ -430,8 +430,8 @@ enum sv_status sv_direct_draw_trees(struct sv_direct *r, const struct sv_resolve
 }
 
 enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resolved_view *view, bool sky,
-                                      const float *depth, const uint8_t *hidden, uint8_t *rgba,
-                                      struct sv_error *error)
+                                      int row_first, int row_count, const float *depth, const uint8_t *hidden,
+                                      uint8_t *rgba, struct sv_error *error)
 {
     struct sv_gl_frame frame;
     bool shadows;
@@ -443,6 +443,8 @@ enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resol
                                     .light = &frame.light,
                                     .shadows = shadows ? r->pages : NULL,
                                     .sky = sky,
+                                    .row_first = row_first,
+                                    .row_count = row_count,
                                     .depth = depth,
                                     .hidden = hidden};
     sv_ground_shade(r->ground, &ground, rgba);
