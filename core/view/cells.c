@@ -17,6 +17,9 @@
  * way across its ring's plane. Ground has no width: it goes on inward. */
 #define CROWNS_INNER_M 6.0
 #define GROUND_INNER_M 1.5
+/* The outermost ring is that many scene distances away: crowns far behind one another, that move apart when the eye
+ * does, are then in rings of their own. */
+#define OUTWARD 4
 /* Lattice step over distance, and from which height over the ground on reference points are at the tops of cells. */
 #define PITCH 0.05
 #define TOP_AGL_M 3000.0
@@ -195,13 +198,8 @@ static struct sv_cell_cache_label label_of(const struct frame *f, int ring, enum
 static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
                             unsigned layer, struct sv_cell_cache_panel *pin, struct sv_error *error)
 {
-    size_t bytes = sv_panel_bytes(f->size, layer);
     double since = now(c);
     uint64_t generation = 0;
-    enum sv_cell_cache_answer answer = sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false,
-                                                             generation, since * 1e-3, pin);
-    if (answer != SV_CELL_CACHE_GRANTED)
-        return sv_fail(error, SV_ELIMIT, "relief", "there is no room for a panel of %zu bytes", bytes);
     struct sv_panels_order order = {.about = {.key = label->key,
                                               .place = label->parts.place,
                                               .distance_m = label->shell.distance_m,
@@ -210,7 +208,15 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
                                               .layers = layer},
                                     .shell = label->shell,
                                     .view = f->view};
-    enum sv_status status = sv_panels_draw(c->panels, &order, pin->data, pin->bytes, error);
+    enum sv_status status = sv_panels_size(c->panels, &order, &order.about.size, error);
+    if (status)
+        return status;
+    size_t bytes = sv_panel_bytes(order.about.size, layer);
+    enum sv_cell_cache_answer answer = sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false,
+                                                             generation, since * 1e-3, pin);
+    if (answer != SV_CELL_CACHE_GRANTED)
+        return sv_fail(error, SV_ELIMIT, "relief", "there is no room for a panel of %zu bytes", bytes);
+    status = sv_panels_draw(c->panels, &order, pin->data, pin->bytes, error);
     if (status) {
         sv_cell_cache_unpin(c->options.cache, c->options.slot, pin);
         return status;
@@ -268,10 +274,26 @@ static void make_keys(const struct sv_cells *c, struct frame *f)
     f->scene_key = c->scene->version;
 }
 
+/* Top and bottom of a band of rows, half a pixel outside of it as sv_camera_planes has them. */
+static void band_planes(const struct sv_camera *camera, int first, int end, double planes[5][4])
+{
+    double focal = sv_camera_focal_px(camera), middle = 0.5 * camera->height;
+    double top = (middle - first + 0.5) / focal, bottom = (middle - end - 0.5) / focal;
+    struct sv_vec3 below_top = sv_normalize(sv_sub(sv_scale(camera->forward, top), camera->up));
+    struct sv_vec3 above_bottom = sv_normalize(sv_sub(camera->up, sv_scale(camera->forward, bottom)));
+    const struct sv_vec3 normals[2] = {below_top, above_bottom};
+    for (int k = 0; k < 2; k++) {
+        planes[2 + k][0] = normals[k].x;
+        planes[2 + k][1] = normals[k].y;
+        planes[2 + k][2] = normals[k].z;
+        planes[2 + k][3] = 0;
+    }
+}
+
 static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_error *error)
 {
     const struct sv_resolved_view *view = f->view;
-    sv_cell_rings_make(c->scene->relief_distance_m, GROUND_INNER_M, PITCH, &f->rings);
+    sv_cell_rings_make(c->scene->relief_distance_m * OUTWARD, GROUND_INNER_M, PITCH, &f->rings);
     f->top = view->camera.eye.z - view->ground_z > TOP_AGL_M;
     f->size = c->scene->relief_resolution;
     if (!sv_cell_chain(&f->rings, view->camera.eye, f->top, f->chain))
@@ -282,6 +304,7 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
     f->ground_ring = sv_panels_free_ring(c->panels, &f->rings, f->chain);
     make_keys(c, f);
     sv_camera_planes(&view->camera, f->planes);
+    band_planes(&view->camera, c->row_first, c->row_first + c->row_count, f->planes);
     f->report->ground_direct = f->ground_ring < 0;
     f->report->id = sv_cell_key(&f->rings, &(struct sv_cell_key_parts){.place = f->chain[f->crowns_first],
                                                                          .size = f->size,
@@ -383,7 +406,7 @@ static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
     return count;
 }
 
-static enum sv_status warp_ground(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+static void warp_ground(struct sv_cells *c, const struct frame *f)
 {
     struct sv_warp_source sources[SV_CELL_FACES];
     struct sv_warp_stats stats = {0};
@@ -393,14 +416,22 @@ static enum sv_status warp_ground(struct sv_cells *c, const struct frame *f, str
     for (unsigned k = 0; k < count; k++)
         sv_warp_splat(&sources[k], k, &c->ground, &stats);
     sv_warp_fill(sources, count, &c->ground, &stats);
-    memset(c->depth, 0, pixels * sizeof *c->depth);
-    sv_warp_resolve_depth(sources, &c->ground, c->depth);
-    memset(c->rgba, 0, 4 * pixels);
-    sv_warp_resolve(sources, count, &c->ground, c->rgba);
+    memcpy(c->depth, c->ground.depth, pixels * sizeof *c->depth);
     f->report->hole_pixels = stats.holes;
     f->report->holes_left = stats.holes_left;
-    (void)error;
-    return SV_OK;
+}
+
+/* The ground's colour where crowns let anything through. */
+static void color_ground(struct sv_cells *c, const struct frame *f)
+{
+    struct sv_warp_source sources[SV_CELL_FACES];
+    size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    for (size_t k = 0; k < pixels; k++)
+        if (c->light[k][3] < SV_CROWN_PASS_MIN)
+            c->ground.texel[k] = SV_WARP_EMPTY;
+    memset(c->rgba, 0, 4 * pixels);
+    unsigned count = ground_sources(c, f, sources);
+    sv_warp_resolve(sources, count, &c->ground, c->rgba);
 }
 
 /* What crowns let through: sky where no ground is, and ground that has no colour yet. */
@@ -482,11 +513,15 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
     if (!status)
         status = choose(c, &f, error);
     double t = now(c);
-    if (!status)
-        status = f.ground_ring < 0 ? draw_ground_directly(c, &f, error) : warp_ground(c, &f, error);
+    if (!status && f.ground_ring < 0)
+        status = draw_ground_directly(c, &f, error);
+    else if (!status)
+        warp_ground(c, &f);
     t = since(c, report, f.ground_ring < 0 ? SV_STAGE_NEAR : SV_STAGE_WARP, t);
     if (!status)
         warp_crowns(c, &f);
+    if (!status && f.ground_ring >= 0)
+        color_ground(c, &f);
     release(c);
     t = since(c, report, SV_STAGE_WARP, t);
     if (!status)

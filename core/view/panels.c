@@ -81,6 +81,26 @@ static struct sv_resolved_view face_view(const struct sv_panels_order *order, do
     return view;
 }
 
+static struct sv_tree_shell tree_shell(const struct sv_panels_order *order)
+{
+    return (struct sv_tree_shell){order->shell.v, order->shell.outer_v, order->shell.distance_m, order->shell.outer_m};
+}
+
+enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_order *order, int *size,
+                              struct sv_error *error)
+{
+    bool any = true;
+    enum sv_status status = SV_OK;
+    if (order->about.layers & SV_PANEL_CROWNS) {
+        struct sv_resolved_view view = face_view(order, 1, order->about.distance_m / 2);
+        struct sv_tree_shell shell = tree_shell(order);
+        status = sv_direct_sees_trees(panels->direct, &view, &shell, &any, error);
+    }
+    if (!status)
+        *size = any ? order->about.size : SV_PANEL_SIZE_MIN;
+    return status;
+}
+
 /* Trees alone: what the ground hides of them is found when they are composed with it, from where the eye is then. */
 static enum sv_status draw_crowns(struct sv_panels *p, const struct sv_panels_order *order,
                                   const struct sv_panel_room *room, struct sv_error *error)
@@ -98,8 +118,7 @@ static enum sv_status draw_crowns(struct sv_panels *p, const struct sv_panels_or
                                .depth = p->depth,
                                .color = p->color,
                                .surface = true};
-    struct sv_tree_shell shell = {order->shell.v, order->shell.outer_v, order->shell.distance_m,
-                                  order->shell.outer_m};
+    struct sv_tree_shell shell = tree_shell(order);
     status = sv_direct_draw_trees(p->direct, &view, &shell, &canvas, NULL, error);
     if (status)
         return status;

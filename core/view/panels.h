@@ -22,6 +22,9 @@ struct sv_panels_order {
     const struct sv_resolved_view *view;
 };
 
+/* Texels a side that it needs: order->about.size, or SV_PANEL_SIZE_MIN of a panel of crowns that shows none. */
+SV_MUST_CHECK enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_order *order, int *size,
+                                            struct sv_error *error);
 /* Draws it into a block of sv_panel_bytes(...) bytes. Errors of direct.h. */
 SV_MUST_CHECK enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, void *block,
                                             size_t bytes, struct sv_error *error);

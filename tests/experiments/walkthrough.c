@@ -2,10 +2,10 @@
  * direct drawing and the one-sample ray cast of the same poses.
  *
  *   walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] [--size N] [--truth STRIDE]
- *               [--warm] [-o FOLDER]
+ *               [--warm] [--still] [-o FOLDER]
  *
  * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both kinds at
- * random. --warm: the path is gone along once before it is measured. Every STRIDE-th frame is compared with 64 samples
+ * random. --warm: the path is gone along once before it is measured; --still: the first pose again and again. Every STRIDE-th frame is compared with 64 samples
  * of the ray-cast truth. One process: ms a frame on one core, encoding left out. FOLDER: walkthrough.csv and pictures. */
 #include <math.h>
 #include <stdio.h>
@@ -26,7 +26,7 @@ struct setup {
     uint32_t trees;
     enum path path;
     int frames, size, truth_stride;
-    bool forms[FORMS], warm;
+    bool forms[FORMS], warm, still;
     const char *folder;
 };
 
@@ -39,7 +39,7 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
     }
     bool walk = setup->path == WALK;
     struct sv_view_request r = forest_request(forest, walk ? FOREST_WALK : FOREST_OVERVIEW, 0);
-    double step = (walk ? 1.4 : 15) / FRAMES_PER_S * k;
+    double step = setup->still ? 0 : (walk ? 1.4 : 15) / FRAMES_PER_S * k;
     r.eye.x += step * sin(r.heading_rad);
     r.eye.y += step * cos(r.heading_rad);
     r.eye.agl = walk ? 1.7 : 40;
@@ -153,12 +153,14 @@ int main(int argc, char **argv)
     for (int k = 1; k < argc && well; k++) {
         if (strcmp(argv[k], "--warm") == 0)
             setup.warm = true;
+        else if (strcmp(argv[k], "--still") == 0)
+            setup.still = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
     if (!well) {
         fprintf(stderr, "usage: walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] "
-                        "[--size N] [--truth STRIDE] [--warm] [-o FOLDER]\n");
+                        "[--size N] [--truth STRIDE] [--warm] [--still] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
