@@ -8,7 +8,8 @@
  *
  * daemon -> scene   FORK (fd: the worker's end of a socketpair)
  * scene  -> daemon  READY (fd: memfd with the facts as JSON), or REASON ... REASON FAILED; FORKED (fd:
- * pidfd), EXITED daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED, DRAWN */
+ * pidfd), EXITED, FACTS (fd: memfd) daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED,
+ * DRAWN */
 #ifndef SV_SERVER_WIRE_H
 #define SV_SERVER_WIRE_H
 
@@ -32,7 +33,8 @@ enum { SV_WIRE_VERSION = 1 };
     X(SV_WIRE_RESOLVE, struct sv_wire_resolve, resolve)    \
     X(SV_WIRE_RESOLVED, struct sv_wire_resolved, resolved) \
     X(SV_WIRE_VIEW, struct sv_wire_view, view)             \
-    X(SV_WIRE_DRAWN, struct sv_wire_drawn, drawn)
+    X(SV_WIRE_DRAWN, struct sv_wire_drawn, drawn)          \
+    X(SV_WIRE_FACTS, struct sv_wire_facts, facts)
 
 enum sv_wire_type {
 #define X(name, type, member) name,
@@ -56,6 +58,11 @@ struct sv_wire_ready {
     double relief_distance_m; /* the scene's own: the size of a cell */
     int32_t epsg;             /* of the scene's coordinate system, 0 when it has no code */
     uint32_t new_threads;     /* that loading started and that still run: none may when workers are forked */
+};
+
+struct sv_wire_facts { /* with a memfd: what READY brought is out of date */
+    struct sv_wire_head head;
+    uint64_t facts_bytes;
 };
 
 struct sv_wire_reason { /* one reason why a scene does not load */
