@@ -119,6 +119,38 @@ bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, do
            (isinf(shell->outer_m) || sv_cell_in_cube(shell->outer_v, shell->outer_m, foot, height_m));
 }
 
+/* How far along n (each component -1, 0 or 1) the box about V reaches. */
+static double reach_along(struct sv_vec3 n, struct sv_vec3 low, struct sv_vec3 high)
+{
+    return (n.x > 0 ? n.x * high.x : n.x * low.x) + (n.y > 0 ? n.y * high.y : n.y * low.y) +
+           (n.z > 0 ? n.z * high.z : n.z * low.z);
+}
+
+static bool all_inside(struct sv_vec3 v, double distance_m, struct sv_vec3 low, struct sv_vec3 high)
+{
+    return low.x >= v.x - distance_m && low.y >= v.y - distance_m && low.z >= v.z - distance_m &&
+           high.x <= v.x + distance_m && high.y <= v.y + distance_m && high.z <= v.z + distance_m;
+}
+
+static bool all_outside(struct sv_vec3 v, double distance_m, struct sv_vec3 low, struct sv_vec3 high)
+{
+    return low.x > v.x + distance_m || low.y > v.y + distance_m || low.z > v.z + distance_m ||
+           high.x < v.x - distance_m || high.y < v.y - distance_m || high.z < v.z - distance_m;
+}
+
+bool sv_cell_sees_box(const struct sv_cell_shell *shell, enum sv_cell_face face, struct sv_vec3 low,
+                      struct sv_vec3 high)
+{
+    struct sv_vec3 axes[3], from = sv_sub(low, shell->v), to = sv_sub(high, shell->v);
+    sv_cell_face_axes(face, &axes[0], &axes[1], &axes[2]);
+    for (int side = 0; side < 4; side++) /* forward >= |right|, |up| somewhere */
+        if (reach_along(sv_madd(axes[2], axes[side / 2], side % 2 ? -1 : 1), from, to) < 0)
+            return false;
+    if (isinf(shell->outer_m) || !all_outside(shell->outer_v, shell->outer_m, low, high))
+        return !all_inside(shell->v, shell->distance_m, low, high);
+    return false;
+}
+
 int sv_cell_ring_of(const struct sv_cell_rings *rings, const struct sv_cell_place *chain, struct sv_vec3 foot,
                     double height_m)
 {

@@ -10,10 +10,11 @@
  *
  * V is at its cell's centre or, for eyes over the crowns, at the cell's top corner, centre + (0, 0, s_j):
  * then no eye is above any V of its chain (algorithms.md 2.6: moving down opens no holes). Distances, own
- * derivation: a cell reaches s_j from its centre along an axis and no farther along any, so |V_j - V_{j+1}|
- * <= s_{j+1} along each axis, 2 s_{j+1} along z with V at the top; summed over the halving steps, an eye is
- * within 2 s_j (4 s_j) of V_j. Cubes nest where 2 s_{j+1} + D_j <= D_{j+1}, that is pitch <= 1/4. Plain
- * values, any thread. */
+ * derivation: steps halve and cells are one convex shape, so the ways from V_j down the chain to the eye add
+ * up to a cell of (2 - 2^-j) s_j about V_j, moved down by as much with V at the top: a pitch of half the
+ * radius that a ring's panels bear (region.h) keeps every ring. A cell reaches s_j from its centre along an
+ * axis and no farther along any, so |V_j - V_{j+1}| <= s_{j+1} along each axis, 2 s_{j+1} along z with V at
+ * the top. Cubes nest where 2 s_{j+1} + D_j <= D_{j+1}, that is pitch <= 1/4. Plain values, any thread. */
 #ifndef SV_CELL_LATTICE_H
 #define SV_CELL_LATTICE_H
 
@@ -82,6 +83,11 @@ struct sv_cell_shell sv_cell_shell(const struct sv_cell_rings *rings, const stru
                                    bool top);
 /* Whether the segment (as in sv_cell_in_cube) belongs to the shell. */
 bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, double height_m);
+/* Whether anything in the box (low <= high along each axis) can be seen on the panel of that face: false only
+ * where it lies all outside the face's pyramid, all inside the inner cube, or all outside the outer one. What
+ * counts for a tree is a box around its axis, crown and shadow. NaN: true. */
+bool sv_cell_sees_box(const struct sv_cell_shell *shell, enum sv_cell_face face, struct sv_vec3 low,
+                      struct sv_vec3 high);
 /* The one ring of a chain in whose shell the segment is, or SV_CELL_NEAR where it meets cube(V_0, D_0). NaN:
  * the last ring. */
 int sv_cell_ring_of(const struct sv_cell_rings *rings, const struct sv_cell_place *chain, struct sv_vec3 foot,

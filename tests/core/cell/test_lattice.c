@@ -121,6 +121,12 @@ static void ties_go_one_way(void **state)
     assert_true(ties > 300);
 }
 
+static void assert_in_cell(struct sv_vec3 d, double size)
+{
+    double x = fabs(d.x), y = fabs(d.y), z = fabs(d.z);
+    assert_true(x + y <= size && x + z <= size && y + z <= size);
+}
+
 /* The distance bounds of the header, nesting, and that a chain is a function of each of its places. */
 static void chains_stay_near_and_nest(void **state)
 {
@@ -136,8 +142,9 @@ static void chains_stay_near_and_nest(void **state)
         for (int r = 0; r < rings.count; r++) {
             double distance = rings.distance_m[r], s = rings.pitch * distance, slack = 1e-8;
             struct sv_vec3 d = sv_sub(eye, chain[r].v);
-            assert_true(fabs(d.x) <= 2 * s + slack && fabs(d.y) <= 2 * s + slack);
-            assert_true(d.z <= (top ? 0 : 2 * s) + slack && d.z >= -(top ? 4 : 2) * s - slack);
+            double cells = (2 - ldexp(1, -r)) * s; /* the chain's, added up */
+            d.z += top ? cells : 0;
+            assert_in_cell(d, cells + slack);
             struct sv_cell_place same = sv_cell_place_at(&rings, r, chain[r].i, chain[r].j, chain[r].k, top);
             assert_memory_equal(&same, &chain[r], sizeof same);
             if (r + 1 == rings.count)
@@ -147,11 +154,8 @@ static void chains_stay_near_and_nest(void **state)
             struct sv_vec3 e = sv_sub(chain[r].v, chain[r + 1].v);
             double reach = fmax(fabs(e.x), fmax(fabs(e.y), fabs(e.z)));
             assert_true(reach + distance < rings.distance_m[r + 1]); /* cubes nest */
-            double own =
-                2 * s + slack; /* the outer cell's size: V_j, or its place relative to that cell's centre */
-            e.z += top ? 2 * s : 0;
-            assert_true(fabs(e.x) + fabs(e.y) <= own && fabs(e.x) + fabs(e.z) <= own &&
-                        fabs(e.y) + fabs(e.z) <= own);
+            e.z += top ? 2 * s : 0; /* V_j in the outer cell, about its centre */
+            assert_in_cell(e, 2 * s + slack);
         }
     }
 }
@@ -241,6 +245,63 @@ static void every_segment_is_in_one_ring(void **state)
     }
     for (int r = 0; r < 6; r++)
         assert_true(seen[r] > 1000);
+}
+
+/* By a grid of points of the box: whether one is in the pyramid, one out of the inner cube, and one in the
+ * outer. */
+static bool seen_by_search(const struct sv_cell_shell *shell, enum sv_cell_face face,
+                           const struct sv_vec3 box[2])
+{
+    struct sv_vec3 right, up, forward;
+    sv_cell_face_axes(face, &right, &up, &forward);
+    bool in_pyramid = false, out_of_cube = false, in_outer = isinf(shell->outer_m);
+    for (int n = 0; n < 9 * 9 * 9; n++) {
+        const double at[3] = {n % 9 / 8.0, n / 9 % 9 / 8.0, n / 81 / 8.0};
+        struct sv_vec3 p =
+            sv_vec3(box[0].x + at[0] * (box[1].x - box[0].x), box[0].y + at[1] * (box[1].y - box[0].y),
+                    box[0].z + at[2] * (box[1].z - box[0].z));
+        struct sv_vec3 d = sv_sub(p, shell->v);
+        double ahead = sv_dot(d, forward);
+        in_pyramid |= ahead >= fabs(sv_dot(d, right)) && ahead >= fabs(sv_dot(d, up));
+        out_of_cube |= !sv_cell_in_cube(shell->v, shell->distance_m, p, 0);
+        in_outer |= sv_cell_in_cube(shell->outer_v, shell->outer_m, p, 0);
+    }
+    return in_pyramid && out_of_cube && in_outer;
+}
+
+/* No box that shows is missed; and few that do not are taken for such (a grid finds no slivers, and a box may
+ * pass all four planes of a pyramid that it misses). */
+static void boxes_that_show_are_seen(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(5, 6);
+    struct sv_cell_rings rings = rings_of(100, 6, 0.1);
+    int seen = 0, unseen = 0, mistaken = 0;
+    struct sv_cell_place chain[SV_CELL_RINGS_MAX];
+    for (int t = 0; t < 6000; t++) {
+        struct sv_vec3 eye = random_point(&rng, reaches_m[t % REACHES]), box[2];
+        assert_true(sv_cell_chain(&rings, eye, t % 2, chain));
+        struct sv_cell_shell shell = sv_cell_shell(&rings, &chain[t % rings.count], t % 2);
+        box[0] = sv_add(eye, random_point(&rng, 2.5 * shell.distance_m));
+        box[1] =
+            sv_add(box[0], sv_scale(sv_add(random_point(&rng, 1), sv_vec3(1, 1, 1)), 0.4 * shell.distance_m));
+        enum sv_cell_face face = (enum sv_cell_face)(t % SV_CELL_FACES);
+        bool shows = seen_by_search(&shell, face, box), said = sv_cell_sees_box(&shell, face, box[0], box[1]);
+        assert_true(said || !shows);
+        seen += shows;
+        unseen += !said;
+        mistaken += said && !shows;
+    }
+    assert_true(seen > 300 && unseen > 3000 && mistaken * 5 < seen);
+    assert_true(sv_cell_chain(&rings, sv_vec3(0, 0, 0), false, chain));
+    struct sv_cell_shell shell = sv_cell_shell(&rings, &chain[0], false);
+    struct sv_vec3 inside = sv_vec3(-1, -1, -1), top = sv_vec3(1, 1, 1);
+    assert_false(sv_cell_sees_box(&shell, SV_CELL_EAST, inside, top));
+    for (int n = 0; n < 6; n++) {
+        struct sv_vec3 box[2] = {inside, top};
+        *(n % 3 == 0 ? &box[n / 3].x : n % 3 == 1 ? &box[n / 3].y : &box[n / 3].z) = NAN;
+        assert_true(sv_cell_sees_box(&shell, SV_CELL_EAST, box[0], box[1]));
+    }
 }
 
 static void faces_are_cameras(void **state)
@@ -371,6 +432,7 @@ int main(void)
                                        cmocka_unit_test(coordinates_that_are_none_are_refused),
                                        cmocka_unit_test(a_cube_holds_what_meets_it),
                                        cmocka_unit_test(every_segment_is_in_one_ring),
+                                       cmocka_unit_test(boxes_that_show_are_seen),
                                        cmocka_unit_test(faces_are_cameras),
                                        cmocka_unit_test(keys_differ_where_panels_do),
                                        cmocka_unit_test(keys_of_neighbours_do_not_meet)};
