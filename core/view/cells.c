@@ -13,18 +13,19 @@
 #include "core/view/compose.h"
 #include "core/view/panels.h"
 
-/* Rings of crowns go inward to about CROWNS_INNER_M: crowns are up to some 5 m wide, and a crown may reach half the
- * way across its ring's plane. Ground has no width: it goes on inward. */
+/* Rings of crowns go inward to about CROWNS_INNER_M: crowns are up to some 5 m wide, and a crown may reach
+ * half the way across its ring's plane. Ground has no width: it goes on inward. */
 #define CROWNS_INNER_M 6.0
 #define GROUND_INNER_M 1.5
-/* The outermost ring is that many scene distances away: crowns far behind one another, that move apart when the eye
- * does, are then in rings of their own. */
+/* The outermost ring is that many scene distances away: crowns far behind one another, that move apart when
+ * the eye does, are then in rings of their own. */
 #define OUTWARD 4
-/* Lattice step over distance, and from which height over the ground on reference points are at the tops of cells. */
+/* Lattice step over distance, and from which height over the ground on reference points are at the tops of
+ * cells. */
 #define PITCH 0.05
 #define TOP_AGL_M 3000.0
-/* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and their
- * depth is that of their middle where they are far). */
+/* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and
+ * their depth is that of their middle where they are far). */
 #define BEHIND 0.01f
 
 /* Leaves of trees this near are pixels large: more samples cost more than they mend. */
@@ -47,7 +48,7 @@ struct sv_cells {
     struct sv_crown_buffer *crowns; /* of the last size and band */
     struct sv_warp_buffer ground;
     int width, row_first, row_count;
-    float *depth;     /* of the band: window depth of what is opaque */
+    float *depth; /* of the band: window depth of what is opaque */
     float (*light)[4];
     uint8_t (*rgba)[4]; /* ground and sky */
     uint8_t *hidden;
@@ -56,7 +57,8 @@ struct sv_cells {
 };
 
 enum sv_status sv_cells_create(const struct sv_scene *scene, struct sv_direct *direct,
-                               const struct sv_cells_options *options, struct sv_cells **cells, struct sv_error *error)
+                               const struct sv_cells_options *options, struct sv_cells **cells,
+                               struct sv_error *error)
 {
     struct sv_cells *c = calloc(1, sizeof *c);
     if (!c)
@@ -98,7 +100,8 @@ void sv_cells_destroy(struct sv_cells *cells)
     free(cells);
 }
 
-static enum sv_status want_band(struct sv_cells *c, int width, int row_first, int row_count, struct sv_error *error)
+static enum sv_status want_band(struct sv_cells *c, int width, int row_first, int row_count,
+                                struct sv_error *error)
 {
     if (c->width == width && c->row_first == row_first && c->row_count == row_count)
         return SV_OK;
@@ -125,8 +128,8 @@ static enum sv_status want_band(struct sv_cells *c, int width, int row_first, in
 
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 {
-    return view->camera.projection == SV_PROJECTION_PERSPECTIVE && !view->plan.raycast && view->plan.samples == 1 &&
-           layers == 1u << SV_LAYER_COLOR &&
+    return view->camera.projection == SV_PROJECTION_PERSPECTIVE && !view->plan.raycast &&
+           view->plan.samples == 1 && layers == 1u << SV_LAYER_COLOR &&
            (!view->plan.draw_trees || view->plan.trees == SV_TREES_AUTO);
 }
 
@@ -143,8 +146,9 @@ struct frame {
     struct sv_cells_report *report;
 };
 
-/* What a strip of a face holds is where forward >= D, right within +-across forward and up within bottom .. top times
- * forward: the hull of four corners and four directions. Out of view when all of them are outside of one plane. */
+/* What a strip of a face holds is where forward >= D, right within +-across forward and up within bottom ..
+ * top times forward: the hull of four corners and four directions. Out of view when all of them are outside
+ * of one plane. */
 static bool strip_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face,
                           double across, double bottom, double top)
 {
@@ -156,7 +160,8 @@ static bool strip_in_view(const struct frame *f, struct sv_vec3 v, double distan
         struct sv_vec3 normal = {n[0], n[1], n[2]};
         bool inside = false;
         for (int k = 0; k < 4 && !inside; k++) {
-            struct sv_vec3 d = sv_madd(sv_madd(forward, right, k & 1 ? across : -across), up, k & 2 ? top : bottom);
+            struct sv_vec3 d =
+                sv_madd(sv_madd(forward, right, k & 1 ? across : -across), up, k & 2 ? top : bottom);
             inside = sv_dot(normal, d) > 0 || sv_dot(normal, sv_madd(from, d, distance_m)) + n[3] >= 0;
         }
         if (!inside)
@@ -182,7 +187,8 @@ static void release(struct sv_cells *c)
     c->seen_count = 0;
 }
 
-static struct sv_cell_cache_label label_of(const struct frame *f, int ring, enum sv_cell_face face, unsigned layer)
+static struct sv_cell_cache_label label_of(const struct frame *f, int ring, enum sv_cell_face face,
+                                           unsigned layer)
 {
     struct sv_cell_cache_label label = {.parts = {.place = f->chain[ring],
                                                   .face = face,
@@ -195,8 +201,9 @@ static struct sv_cell_cache_label label_of(const struct frame *f, int ring, enum
     return label;
 }
 
-static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
-                            unsigned layer, struct sv_cell_cache_panel *pin, struct sv_error *error)
+static enum sv_status build(struct sv_cells *c, const struct frame *f,
+                            const struct sv_cell_cache_label *label, unsigned layer,
+                            struct sv_cell_cache_panel *pin, struct sv_error *error)
 {
     double since = now(c);
     uint64_t generation = 0;
@@ -212,8 +219,8 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
     if (status)
         return status;
     size_t bytes = sv_panel_bytes(order.about.size, layer);
-    enum sv_cell_cache_answer answer = sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false,
-                                                             generation, since * 1e-3, pin);
+    enum sv_cell_cache_answer answer = sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes,
+                                                             false, generation, since * 1e-3, pin);
     if (answer != SV_CELL_CACHE_GRANTED)
         return sv_fail(error, SV_ELIMIT, "relief", "there is no room for a panel of %zu bytes", bytes);
     status = sv_panels_draw(c->panels, &order, pin->data, pin->bytes, error);
@@ -255,7 +262,8 @@ static enum sv_status obtain_all(struct sv_cells *c, const struct frame *f, stru
 {
     enum sv_status status = SV_OK;
     for (int face = 0; face < SV_CELL_FACES && !status && f->ground_ring >= 0; face++)
-        if (face_in_view(f, f->chain[f->ground_ring].v, f->rings.distance_m[f->ground_ring], (enum sv_cell_face)face))
+        if (face_in_view(f, f->chain[f->ground_ring].v, f->rings.distance_m[f->ground_ring],
+                         (enum sv_cell_face)face))
             status = obtain(c, f, f->ground_ring, (enum sv_cell_face)face, SV_PANEL_GROUND, error);
     for (int ring = f->crowns_first; ring < f->rings.count && !status && f->view->plan.draw_trees; ring++)
         for (int face = 0; face < SV_CELL_FACES && !status; face++)
@@ -307,9 +315,9 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
     band_planes(&view->camera, c->row_first, c->row_first + c->row_count, f->planes);
     f->report->ground_direct = f->ground_ring < 0;
     f->report->id = sv_cell_key(&f->rings, &(struct sv_cell_key_parts){.place = f->chain[f->crowns_first],
-                                                                         .size = f->size,
-                                                                         .light = f->light_key,
-                                                                         .scene = f->scene_key});
+                                                                       .size = f->size,
+                                                                       .light = f->light_key,
+                                                                       .scene = f->scene_key});
     return obtain_all(c, f, error);
 }
 
@@ -331,7 +339,8 @@ static enum sv_status draw_ground_directly(struct sv_cells *c, const struct fram
     if (!status)
         status = sv_direct_draw(c->direct, f->view, &pass, &picture, NULL, error);
     if (!status) {
-        size_t skip = (size_t)c->row_first * (size_t)c->width, pixels = (size_t)c->row_count * (size_t)c->width;
+        size_t skip = (size_t)c->row_first * (size_t)c->width,
+               pixels = (size_t)c->row_count * (size_t)c->width;
         memcpy(c->depth, (const float *)picture.layer[SV_LAYER_DEPTH].data + skip, pixels * sizeof *c->depth);
         if (has_objects(c))
             memcpy(c->rgba, (const uint8_t *)picture.layer[SV_LAYER_COLOR].data + 4 * skip, 4 * pixels);
@@ -342,8 +351,8 @@ static enum sv_status draw_ground_directly(struct sv_cells *c, const struct fram
     return status;
 }
 
-/* Rows of a ground panel that hold anything in view: by blocks, each the hull of its four corner directions at q = 0 and
- * its corner points at q = 1; and not above the first that is not empty. */
+/* Rows of a ground panel that hold anything in view: by blocks, each the hull of its four corner directions
+ * at q = 0 and its corner points at q = 1; and not above the first that is not empty. */
 static void rows_in_view(const struct frame *f, const struct seen *s, int *first, int *end)
 {
     enum { BLOCK = 16 };
@@ -366,7 +375,8 @@ static void rows_in_view(const struct frame *f, const struct seen *s, int *first
         if (any)
             break;
     }
-    *first = *first > 0 && *first < *end ? *first - 1 : *first; /* its neighbours above are torn off, not cut off */
+    *first = *first > 0 && *first < *end ? *first - 1
+                                         : *first; /* its neighbours above are torn off, not cut off */
 }
 
 /* Ground sources among what is seen; the map's rows begin with the band. */
@@ -477,11 +487,12 @@ static void warp_crowns(struct sv_cells *c, const struct frame *f)
 }
 
 /* Trees within the innermost cube, over all. */
-static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8_t *rgba, struct sv_draw_stats *stats,
-                                struct sv_error *error)
+static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8_t *rgba,
+                                struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_cell_place first = f->chain[f->crowns_first];
-    struct sv_tree_shell shell = {.inner_m = -1, .outer = first.v, .outer_m = f->rings.distance_m[f->crowns_first]};
+    struct sv_tree_shell shell = {
+        .inner_m = -1, .outer = first.v, .outer_m = f->rings.distance_m[f->crowns_first]};
     struct sv_canvas canvas = {.width = c->width,
                                .height = f->view->camera.height,
                                .row_first = c->row_first,
@@ -489,20 +500,23 @@ static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8
                                .depth = c->depth,
                                .color = rgba};
     struct sv_resolved_view view = *f->view;
-    view.plan.leaf_samples = view.plan.leaf_samples < NEAR_LEAF_SAMPLES ? view.plan.leaf_samples : NEAR_LEAF_SAMPLES;
+    view.plan.leaf_samples =
+        view.plan.leaf_samples < NEAR_LEAF_SAMPLES ? view.plan.leaf_samples : NEAR_LEAF_SAMPLES;
     return sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
 }
 
-static double since(const struct sv_cells *c, struct sv_cells_report *report, enum sv_stage stage, double from)
+static double since(const struct sv_cells *c, struct sv_cells_report *report, enum sv_stage stage,
+                    double from)
 {
     double t = now(c);
     report->ms[stage] = fmax(report->ms[stage], 0) + t - from;
     return t;
 }
 
-enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky, int row_first,
-                             int row_count, bool build, uint8_t *rgba, struct sv_cells_report *report,
-                             struct sv_draw_stats *stats, struct sv_error *error)
+enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky,
+                             int row_first, int row_count, bool build, uint8_t *rgba,
+                             struct sv_cells_report *report, struct sv_draw_stats *stats,
+                             struct sv_error *error)
 {
     struct sv_cells *c = cells;
     struct frame f = {.view = view, .sky = sky, .build = build, .report = report};
@@ -527,8 +541,8 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
     if (!status)
         status = shade_behind(c, &f, error);
     if (!status)
-        sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])c->light, (const uint8_t(*)[4])c->rgba,
-                   (uint8_t(*)[4])rgba);
+        sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])c->light,
+                   (const uint8_t(*)[4])c->rgba, (uint8_t(*)[4])rgba);
     t = since(c, report, SV_STAGE_COMPOSITE, t);
     if (!status)
         status = draw_near(c, &f, rgba, stats, error);

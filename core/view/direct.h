@@ -43,17 +43,21 @@ SV_MUST_CHECK enum sv_status sv_direct_draw_trees(struct sv_direct *direct,
                                                   struct sv_error *error);
 
 /* Whether any tree of the shell may be in the view. */
-SV_MUST_CHECK enum sv_status sv_direct_sees_trees(struct sv_direct *direct, const struct sv_resolved_view *view,
+SV_MUST_CHECK enum sv_status sv_direct_sees_trees(struct sv_direct *direct,
+                                                  const struct sv_resolved_view *view,
                                                   const struct sv_tree_shell *shell, bool *any,
                                                   struct sv_error *error);
-/* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth alone (0:
- * sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB. All planes hold
- * rows row_first .. row_first + row_count - 1 (at least one). */
-SV_MUST_CHECK enum sv_status sv_direct_shade_ground(struct sv_direct *direct, const struct sv_resolved_view *view,
-                                                    bool sky, int row_first, int row_count, const float *depth,
-                                                    const uint8_t *hidden, uint8_t *rgba, struct sv_error *error);
+/* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth
+ * alone (0: sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB.
+ * All planes hold rows row_first .. row_first + row_count - 1 (at least one). */
+SV_MUST_CHECK enum sv_status sv_direct_shade_ground(struct sv_direct *direct,
+                                                    const struct sv_resolved_view *view, bool sky,
+                                                    int row_first, int row_count, const float *depth,
+                                                    const uint8_t *hidden, uint8_t *rgba,
+                                                    struct sv_error *error);
 /* A ground panel (core/cell/panel_ground.h) under the view's light; its camera is not read. */
-SV_MUST_CHECK enum sv_status sv_direct_ground_panel(struct sv_direct *direct, const struct sv_resolved_view *view,
+SV_MUST_CHECK enum sv_status sv_direct_ground_panel(struct sv_direct *direct,
+                                                    const struct sv_resolved_view *view,
                                                     const struct sv_sweep *sweep, float *q,
                                                     uint8_t (*color)[4], struct sv_error *error);
 

@@ -16,9 +16,9 @@ struct sv_cell_cache;
 typedef double (*sv_clock_ms)(void);
 
 struct sv_renderer_options {
-    struct sv_store *store; /* may be NULL */
-    sv_clock_ms clock;      /* may be NULL: timings stay negative */
-    bool truth;             /* build the ray-cast reference now; otherwise at its first use */
+    struct sv_store *store;      /* may be NULL */
+    sv_clock_ms clock;           /* may be NULL: timings stay negative */
+    bool truth;                  /* build the ray-cast reference now; otherwise at its first use */
     struct sv_cell_cache *cells; /* of relief panels, borrowed; NULL: every view is drawn directly */
     unsigned cells_slot;         /* of this process in it */
 };

@@ -97,7 +97,7 @@ static void draw(struct stand *s, const struct sv_camera *camera, const struct f
     double planes[5][4];
     size_t n = (size_t)camera->width * (size_t)camera->height;
     uint32_t *id = want(n * sizeof *id), kept = 0;
-    struct sv_canvas canvas = {camera->width, camera->height, 0, camera->height, depth, color, id, NULL};
+    struct sv_canvas canvas = {camera->width, camera->height, 0, camera->height, depth, color, id, NULL, false};
     struct sv_sprite_view view = {camera, &s->light, 0, 0};
     sv_camera_planes(camera, planes);
     if (sv_cull_forest(&s->scene->forest, s->bounds, camera, planes, &s->list, NULL))
