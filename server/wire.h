@@ -8,8 +8,9 @@
  *
  * daemon -> scene   FORK (fd: the worker's end of a socketpair)
  * scene  -> daemon  READY (fd: memfd with the facts as JSON), or REASON ... REASON FAILED; FORKED (fd:
- * pidfd), EXITED, FACTS (fd: memfd) daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED,
- * DRAWN */
+ * pidfd), EXITED, FACTS (fd: memfd) CELLS (fd: memfd of relief panels, before READY)
+ * daemon -> worker  RESOLVE, VIEW (fd: slab), BUILD
+ * worker -> daemon  RESOLVED, DRAWN, BUILT */
 #ifndef SV_SERVER_WIRE_H
 #define SV_SERVER_WIRE_H
 
@@ -21,7 +22,7 @@
 #include "core/view/timings.h"
 
 #define SV_WIRE_MAGIC UINT32_C(0x53565751)
-enum { SV_WIRE_VERSION = 1 };
+enum { SV_WIRE_VERSION = 2 };
 
 #define SV_WIRE_LIST(X)                                    \
     X(SV_WIRE_READY, struct sv_wire_ready, ready)          \
@@ -34,7 +35,10 @@ enum { SV_WIRE_VERSION = 1 };
     X(SV_WIRE_RESOLVED, struct sv_wire_resolved, resolved) \
     X(SV_WIRE_VIEW, struct sv_wire_view, view)             \
     X(SV_WIRE_DRAWN, struct sv_wire_drawn, drawn)          \
-    X(SV_WIRE_FACTS, struct sv_wire_facts, facts)
+    X(SV_WIRE_FACTS, struct sv_wire_facts, facts)          \
+    X(SV_WIRE_CELLS, struct sv_wire_cells, cells)          \
+    X(SV_WIRE_BUILD, struct sv_wire_build, build)          \
+    X(SV_WIRE_BUILT, struct sv_wire_built, built)
 
 enum sv_wire_type {
 #define X(name, type, member) name,
@@ -63,6 +67,11 @@ struct sv_wire_ready {
 struct sv_wire_facts { /* with a memfd: what READY brought is out of date */
     struct sv_wire_head head;
     uint64_t facts_bytes;
+};
+
+struct sv_wire_cells { /* with a memfd (server/cells_memory.h): the panels that the workers to come share */
+    struct sv_wire_head head;
+    uint64_t bytes;
 };
 
 struct sv_wire_reason { /* one reason why a scene does not load */
@@ -125,6 +134,22 @@ struct sv_wire_drawn {
     struct sv_error error;
     struct sv_timings timings;
     struct sv_draw_stats stats;
+};
+
+struct sv_wire_build { /* panels that the view would be drawn from */
+    struct sv_wire_head head;
+    struct sv_view_request request;
+    uint32_t most; /* panels to build at most */
+    uint32_t reserved;
+};
+
+struct sv_wire_built {
+    struct sv_wire_head head;
+    uint32_t status; /* enum sv_status; error is set when it is not SV_OK */
+    uint32_t built, left; /* panels; left: still missing */
+    uint32_t reserved;
+    uint64_t own_bytes; /* as in sv_wire_drawn */
+    struct sv_error error;
 };
 
 union sv_wire_message {

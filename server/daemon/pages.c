@@ -8,6 +8,7 @@
 
 #include "api/answer.h"
 #include "api/openapi.h"
+#include "server/daemon/cells.h"
 #include "server/daemon/reply.h"
 #include "server/log.h"
 
@@ -66,6 +67,7 @@ static void fill_gauges(struct sv_service *service)
     g[SV_GAUGE_SCENE_LOAD] = scene ? scene->load_ms * 1e-3 : 0;
     g[SV_GAUGE_UPTIME] = (sv_loop_now_ms() - service->started_ms) * 1e-3;
     g[SV_GAUGE_LOG_DROPPED] = (double)sv_log_dropped();
+    sv_cells_measure(service);
     measure_process(&service->metrics);
 }
 
@@ -116,6 +118,18 @@ bool sv_page_token_fits(const char *field, const char *token)
     return differs == 0;
 }
 
+bool sv_page_is_admin(struct sv_service *service, struct sv_exchange *exchange)
+{
+    const char *token = service->settings->admin_token;
+    if (!token[0])
+        sv_reply_problem(exchange, SV_PROBLEM_FORBIDDEN, "no admin_token is set");
+    else if (!sv_page_token_fits(sv_exchange_field(exchange, "Authorization"), token))
+        sv_reply_problem(exchange, SV_PROBLEM_UNAUTHORIZED, NULL);
+    else
+        return true;
+    return false;
+}
+
 static void reload_gone(struct sv_exchange *exchange)
 {
     struct sv_service *service = exchange->owner;
@@ -125,12 +139,9 @@ static void reload_gone(struct sv_exchange *exchange)
 void sv_page_reload(struct sv_service *service, struct sv_exchange *exchange)
 {
     struct sv_error error;
-    const char *token = service->settings->admin_token;
-    if (!token[0]) {
-        sv_reply_problem(exchange, SV_PROBLEM_FORBIDDEN, "no admin_token is set");
-    } else if (!sv_page_token_fits(sv_exchange_field(exchange, "Authorization"), token)) {
-        sv_reply_problem(exchange, SV_PROBLEM_UNAUTHORIZED, NULL);
-    } else if (service->draining) {
+    if (!sv_page_is_admin(service, exchange))
+        return;
+    if (service->draining) {
         sv_reply_problem(exchange, SV_PROBLEM_DRAINING, NULL);
     } else if (service->reload_waiter || sv_scenes_load(&service->scenes, &error) != SV_OK) {
         sv_reply_retry(exchange, SV_PROBLEM_NOT_READY, "a scene is being loaded already",
