@@ -142,13 +142,12 @@ enum sv_status sv_tree_draw_change(struct sv_tree_draw *draw, const struct sv_tr
     bool came = false;
     for (int k = 0; k < draw->species_count && !status; k++) {
         bool built = sv_sprite_draw_shade_species(draw->sprites, k).frames, needed = species[k].tree_count > 0;
+        came = came || (needed && draw->given[k].tree_count == 0);
         draw->given[k] = species[k];
-        if (!needed || built)
-            continue;
-        status = add_species(draw, k, error);
-        came = true;
+        if (needed && !built)
+            status = add_species(draw, k, error);
     }
-    if (came) { /* these know which species there are */
+    if (came) { /* these know which species have trees */
         sv_mesh_draw_destroy(draw->meshes);
         sv_cloud_draw_destroy(draw->clouds);
         draw->meshes = NULL;

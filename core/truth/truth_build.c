@@ -59,6 +59,7 @@ static enum sv_status build_mesh(struct sv_truth *truth, const struct sv_tree_me
     s->scene = rtcNewScene(truth->device);
     if (!s->scene)
         return sv_fail(error, SV_EINTERNAL, "embree", "no scene for the mesh of %s", name);
+    rtcSetSceneFlags(s->scene, RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION); /* hits on what is gone are refused */
     for (int m = 0; m < mesh->material_count; m++) {
         const struct sv_tree_material *material = &mesh->materials[m];
         if (material->index_count == 0)
@@ -177,6 +178,10 @@ static enum sv_status start_layer(struct sv_truth *truth, struct sv_truth_layer 
     layer->count = count;
     layer->full = rtcNewScene(truth->device);
     layer->bare = rtcNewScene(truth->device);
+    if (layer->full && layer->bare) {
+        rtcSetSceneFlags(layer->full, RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
+        rtcSetSceneFlags(layer->bare, RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
+    }
     return layer->standing && layer->full && layer->bare
                ? SV_OK
                : sv_fail(error, SV_ENOMEM, NULL, "no memory for %u ray-cast instances", count);

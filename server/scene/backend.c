@@ -10,6 +10,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "api/patch_parse.h"
 #include "api/scene_doc.h"
 #include "core/geo/geo.h"
 #include "core/image/encode.h"
@@ -27,6 +28,8 @@ struct sv_backend {
     struct sv_scene *scene;
     struct sv_renderer *renderer;
     int epsg;
+    uint64_t pixels_max, sample_pixels_max;
+    double load_s;
     char *document;
 };
 
@@ -113,7 +116,8 @@ static void object_facts(const struct sv_backend *backend, int i, struct sv_obje
     const struct sv_scene *scene = backend->scene;
     const struct sv_object_draw *draw = sv_renderer_objects(backend->renderer);
     const struct sv_scene_object *o = &scene->objects[i];
-    *out = (struct sv_object_facts){.model = scene->models[o->model].file,
+    *out = (struct sv_object_facts){.number = o->number,
+                                    .model = scene->models[o->model].file,
                                     .x = o->x,
                                     .y = o->y,
                                     .z = o->z,
@@ -124,8 +128,7 @@ static void object_facts(const struct sv_backend *backend, int i, struct sv_obje
                                     .relief_bytes = draw ? sv_object_draw_relief_bytes(draw, i) : 0};
 }
 
-static char *make_document(const struct sv_backend *backend, const struct sv_backend_options *options,
-                           double load_s)
+static char *make_document(const struct sv_backend *backend)
 {
     const struct sv_scene *scene = backend->scene;
     struct sv_species_facts *species = calloc((size_t)scene->species_count + 1, sizeof *species);
@@ -147,10 +150,10 @@ static char *make_document(const struct sv_backend *backend, const struct sv_bac
                                    .sun_elevation_rad = scene->sun.elevation_rad,
                                    .relief_distance_m = scene->relief_distance_m,
                                    .relief_resolution = scene->relief_resolution,
-                                   .pixels_max = options->pixels_max,
-                                   .sample_pixels_max = options->sample_pixels_max,
+                                   .pixels_max = backend->pixels_max,
+                                   .sample_pixels_max = backend->sample_pixels_max,
                                    .shared_bytes = sv_arena_used(scene->arena),
-                                   .load_s = load_s};
+                                   .load_s = backend->load_s};
     char *document = NULL;
     size_t bytes;
     if (species && objects) {
@@ -194,7 +197,8 @@ static enum sv_status load_scene(struct sv_backend *backend, const struct sv_bac
 static enum sv_status make_renderer(struct sv_backend *backend, bool warm, struct sv_errors *errors)
 {
     struct sv_error error;
-    /* The ray-cast structures are built before the fork, so that all workers share them; 0.3 s for the demo. */
+    /* The ray-cast structures are built before the fork, so that all workers share them; 0.3 s for the demo.
+     */
     struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms, .truth = warm};
     enum sv_status status = sv_renderer_create(backend->scene, &renderer_options, &backend->renderer, &error);
     if (status != SV_OK)
@@ -225,7 +229,10 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
         status = make_renderer(backend, !options->one_picture, errors);
     }
     if (status == SV_OK) {
-        backend->document = make_document(backend, options, (now_ms() - start) * 1e-3);
+        backend->pixels_max = options->pixels_max;
+        backend->sample_pixels_max = options->sample_pixels_max;
+        backend->load_s = (now_ms() - start) * 1e-3;
+        backend->document = make_document(backend);
         if (!backend->document) {
             sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
             status = SV_ENOMEM;
@@ -235,6 +242,47 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
         *out = backend;
     /* On failure the process ends at once: nothing is taken down first. */
     return status;
+}
+
+/* ---- a patch ---- */
+
+static enum sv_status apply(struct sv_backend *backend, const struct sv_scene_patch *patch,
+                            struct sv_scene_change *change, struct sv_errors *errors)
+{
+    struct sv_scene_patch_options options = {.store = backend->store, .log = log_news};
+    struct sv_scene_delta delta;
+    struct sv_error error;
+    double start = now_ms();
+    enum sv_status status = sv_scene_patch_apply(backend->scene, patch, &options, &delta, errors);
+    if (status != SV_OK)
+        return status;
+    double middle = now_ms();
+    status = sv_renderer_change(backend->renderer, &delta, backend->store, &error);
+    if (status != SV_OK)
+        sv_errors_add(errors, SV_EINTERNAL, error.field, "%s", error.message);
+    sv_log(SV_LOG_INFO, "patch", "scene %.1f ms, what is drawn %.1f ms", middle - start, now_ms() - middle);
+    *change = delta.change;
+    sv_scene_delta_finish(&delta);
+    return status;
+}
+
+enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
+                                struct sv_scene_change *change, struct sv_errors *errors)
+{
+    struct sv_scene_patch patch;
+    enum sv_status status = sv_api_patch_parse(text, bytes, &backend->scene->spec, &patch, errors);
+    if (status != SV_OK)
+        return status;
+    status = apply(backend, &patch, change, errors);
+    sv_scene_patch_finish(&patch);
+    if (status != SV_OK)
+        return status;
+    free(backend->document);
+    backend->document = make_document(backend);
+    if (backend->document)
+        return SV_OK;
+    sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
+    return SV_ENOMEM;
 }
 
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts)
