@@ -67,10 +67,15 @@ class Rules(Case):
 
     def test_death_of_the_successor_loads_again(self):
         d = self.start()
+        version = d.get("/v1/scene").body
         self.assertEqual(patch(d, {"sun": {"azimuth_deg": 200}}).status, 200)
+        self.assertNotEqual(d.get("/v1/scene").body, version)
         successor = until(lambda: len(d.scene_pids()) == 1 and d.scene_pids()[0], "one scene process")
         os.kill(successor, signal.SIGKILL)
-        until(lambda: d.get("/readyz").status == 200 and d.scene_pid() != successor, "a scene again")
+        until(lambda: not os.path.exists("/proc/%d" % successor), "the dead one is reaped")
+        until(lambda: d.get("/readyz").status == 200, "a scene again")
+        told = [json.loads(b)["version"] for b in (version, d.get("/v1/scene").body)]
+        self.assertEqual(told[0], told[1])
         self.assertEqual(d.view(64).status, 200)
 
 
@@ -89,7 +94,7 @@ class Deaths(Case):
 @unittest.skipIf(FAKE, "the fake backend draws nothing")
 class Pictures(Case):
     def test_a_tree_comes_and_goes(self):
-        d = self.start(WOOD)
+        d = self.start(scene=WOOD)
         bare = d.get(VIEW)
         answer = patch(d, {"trees": {"add": [TREE]}})
         self.assertEqual(answer.status, 200, answer.body)
@@ -111,7 +116,7 @@ class Pictures(Case):
         self.assertNotEqual(d.get(shade).body, shaded.body)
 
     def test_every_bad_field_is_named(self):
-        d = self.start(WOOD)
+        d = self.start(scene=WOOD)
         answer = patch(d, {
             "sun": {"azimuth_deg": 999},
             "trees": {"add": [{"x": 1, "species": "elm", "height_m": -1}], "remove": {"ids": [1]}},
@@ -128,7 +133,7 @@ class Pictures(Case):
         self.assertEqual(fields, ["trees.add[0]", "trees.add[2]", "trees.remove.ids[0]"])
 
     def test_the_sun_is_as_loaded(self):
-        d = self.start(WOOD)
+        d = self.start(scene=WOOD)
         self.assertEqual(patch(d, {"sun": {"azimuth_deg": 250, "elevation_deg": 20}}).status, 200)
         patched = d.get(VIEW).body
         d.write_scene(dict(WOOD, sun={"azimuth_deg": 250, "elevation_deg": 20}))

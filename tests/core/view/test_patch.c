@@ -16,7 +16,7 @@
 #include "core/scene/id.h"
 #include "tests/core/view/scene_kit.h"
 
-enum { SIDE = 128, TREES = 260 };
+enum { SIDE = 96, TREES = 260 };
 
 static char folder[] = "/tmp/sv-patch-XXXXXX";
 static struct sv_store *store;
@@ -132,7 +132,6 @@ static const struct {
     {20, 20, 1.7, 45, 0, SV_TREES_AUTO, 1u << SV_LAYER_COLOR | 1u << SV_LAYER_ID},
     {110, 200, 45, 180, -35, SV_TREES_RAYCAST, 1u << SV_LAYER_COLOR | 1u << SV_LAYER_ID},
     {200, 110, 20, 270, -20, SV_TREES_POLYGON, 1u << SV_LAYER_COLOR},
-    {110, 20, 30, 0, -20, SV_TREES_DENSITY, 1u << SV_LAYER_COLOR},
     {110, 110, 25, 90, -30, SV_TREES_NONE, 1u << SV_LAYER_COLOR},
 };
 enum { VIEW_COUNT = sizeof VIEWS / sizeof VIEWS[0] };
@@ -252,30 +251,38 @@ static void compare(struct sv_scene *patched, struct sv_renderer *r, struct sv_s
 
 /* ---- tests ---- */
 
-static void test_added_by_list(void **state)
+/* One patch after the other: by list (the first bush of the scene, too), by scatter, an object, the sun. */
+static void test_changes(void **state)
 {
     (void)state;
+    const char *scatter = "\"scatter\":{\"count\":300,\"seed\":9,\"mix\":{\"bush\":1,\"oak\":2},\"height_m\":"
+                          "[2,9],\"min_spacing_m\":1,"
+                          "\"within\":";
+    const char *area = "{\"type\":\"Polygon\",\"coordinates\":[[[60,60],[150,70],[140,160],[60,60]]]}";
+    const char *object = "\"x\":80.5,\"y\":95,\"height_m\":9,\"heading_deg\":25,\"relief_resolution\":32}";
+    char forest[768], objects[256];
     struct sv_scene *scene = load(TREES, "", "", 135);
     struct sv_renderer *r = renderer_of(scene);
-    struct album *before = take(scene, r, "before");
-    const char *bush = "\"x\":100.5,\"y\":90.25,\"species\":\"bush\",\"height_m\":4";
-    struct sv_scene_change c =
-        patch(scene, r,
-              "{\"trees\":{\"add\":[{%s},{\"x\":125,\"y\":125,\"species\":\"fir\",\"height_m\":17.5,"
-              "\"rotation_deg\":40}]}}",
-              bush);
-    assert_int_equal(c.trees_added, 2);
-    assert_int_equal(c.first_tree, TREES);
-    assert_int_equal(c.box_count, 2);
-    struct album *after = take(scene, r, "added");
-    other_pictures(before, after);
-    drop(before);
-    drop(after);
+    struct sv_scene_change c = patch(scene, r,
+                                     "{\"trees\":{\"add\":[{\"x\":100.5,\"y\":90.25,\"species\":\"bush\","
+                                     "\"height_m\":4},{\"x\":125,\"y\":125,"
+                                     "\"species\":\"fir\",\"height_m\":17.5,\"rotation_deg\":40}]}}");
+    assert_true(c.trees_added == 2 && c.first_tree == TREES && c.box_count == 2);
+    c = patch(scene, r, "{\"trees\":{\"add\":[{%s%s}}]}}", scatter, area);
+    assert_int_equal(c.trees_added + c.not_placed, 300);
+    assert_true(c.trees_added > 100 && c.box_count > 10 && c.box_count <= SV_CHANGE_BOXES_MAX);
+    write_file("tower.obj", "%s", HUT);
+    patch(scene, r, "{\"objects\":{\"add\":[{\"model\":\"tower.obj\",%s]}}", object);
+    c = patch(scene, r, "{\"sun\":{\"azimuth_deg\":250.5}}");
+    assert_true(c.sun && c.box_count == 0);
     write_file("more.csv", "x,y,species,height_m,rotation_deg\n100.5,90.25,bush,4,\n125,125,fir,17.5,40\n");
-    const char *more =
-        ",{\"points\":\"more.csv\",\"species\":\"species\",\"height_m\":\"height_m\",\"rotation_deg\":"
-        "\"rotation_deg\"}";
-    compare(scene, r, load(TREES, more, "", 135), "added");
+    write_file("area.geojson", "%s", area);
+    snprintf(forest, sizeof forest,
+             ",{\"points\":\"more.csv\",\"species\":\"species\",\"height_m\":\"height_m\",\"rotation_deg\":"
+             "\"rotation_deg\"},{%s\"area.geojson\"}}",
+             scatter);
+    snprintf(objects, sizeof objects, ",{\"model\":\"tower.obj\",%s", object);
+    compare(scene, r, load(TREES, forest, objects, 250.5), "changes");
 }
 
 /* The last 30 trees of the file go: 10 by id, the others by areas about each. */
@@ -306,45 +313,24 @@ static void test_removed(void **state)
     compare(scene, r, load(TREES - 30, "", "", 135), "removed");
 }
 
-static void test_scatter(void **state)
+/* To no tree at all, and from none to one: no number is given twice. */
+static void none_and_one(struct sv_scene *scene, struct sv_renderer *r)
 {
-    (void)state;
-    const char *scatter =
-        "\"scatter\":{\"count\":300,\"seed\":9,\"mix\":{\"bush\":1,\"oak\":2},\"height_m\":[2,9],"
-        "\"min_spacing_m\":1,\"within\":";
-    const char *area = "{\"type\":\"Polygon\",\"coordinates\":[[[60,60],[150,70],[140,160],[60,60]]]}";
-    char more[512];
-    struct sv_scene *scene = load(TREES, "", "", 135);
-    struct sv_renderer *r = renderer_of(scene);
-    struct sv_scene_change c = patch(scene, r, "{\"trees\":{\"add\":[{%s%s}}]}}", scatter, area);
-    assert_int_equal(c.trees_added + c.not_placed, 300);
-    assert_true(c.trees_added > 100 && c.box_count > 10 && c.box_count <= SV_CHANGE_BOXES_MAX);
-    write_file("area.geojson", "%s", area);
-    snprintf(more, sizeof more, ",{%s\"area.geojson\"}}", scatter);
-    compare(scene, r, load(TREES, more, "", 135), "scatter");
-}
-
-static void test_sun(void **state)
-{
-    (void)state;
-    struct sv_scene *scene = load(TREES, "", "", 135);
-    struct sv_renderer *r = renderer_of(scene);
-    struct sv_scene_change c = patch(scene, r, "{\"sun\":{\"azimuth_deg\":250.5}}");
-    assert_true(c.sun && c.box_count == 0);
-    compare(scene, r, load(TREES, "", "", 250.5), "sun");
-}
-
-static void test_objects(void **state)
-{
-    (void)state;
-    const char *object = "\"x\":80.5,\"y\":95,\"height_m\":9,\"heading_deg\":25,\"relief_resolution\":32}";
-    char more[256];
-    struct sv_scene *scene = load(TREES, "", "", 135);
-    struct sv_renderer *r = renderer_of(scene);
-    write_file("tower.obj", "%s", HUT);
-    patch(scene, r, "{\"objects\":{\"add\":[{\"model\":\"tower.obj\",%s]}}", object);
-    snprintf(more, sizeof more, ",{\"model\":\"tower.obj\",%s", object);
-    compare(scene, r, load(TREES, "", more, 135), "object");
+    patch(scene, r, "{\"trees\":{\"remove\":{\"near\":{\"x\":110,\"y\":110,\"radius_m\":1000}}}}");
+    assert_int_equal(scene->forest.count, 0);
+    drop(take(scene, r, "none"));
+    struct sv_scene_change c =
+        patch(scene, r, "{\"trees\":{\"add\":[{\"x\":111,\"y\":70,\"species\":\"oak\",\"height_m\":12}]}}");
+    assert_int_equal(c.first_tree, TREES + 2);
+    struct album *a = take(scene, r, "one");
+    sv_renderer_destroy(r);
+    r = renderer_of(scene);
+    struct album *b = take(scene, r, "one-anew");
+    same_pictures(a, b);
+    drop(a);
+    drop(b);
+    sv_renderer_destroy(r);
+    sv_scene_destroy(scene);
 }
 
 /* Everything at once, and the whole of it taken back: version, trees and pictures are those of before. */
@@ -373,37 +359,10 @@ static void test_there_and_back(void **state)
     assert_int_equal(scene->version, version);
     struct album *after = take(scene, r, "after");
     same_pictures(before, after);
-    c = patch(scene, NULL,
-              "{\"trees\":{\"add\":[{\"x\":111,\"y\":70,\"species\":\"oak\",\"height_m\":12}]}}");
-    assert_int_equal(c.first_tree, TREES + 2); /* no number is given twice */
     drop(before);
     drop(between);
     drop(after);
-    sv_renderer_destroy(r);
-    sv_scene_destroy(scene);
-}
-
-/* To no tree at all, and from none to some. */
-static void test_none(void **state)
-{
-    (void)state;
-    struct sv_scene *scene = load(TREES, "", "", 135);
-    struct sv_renderer *r = renderer_of(scene);
-    patch(scene, r, "{\"trees\":{\"remove\":{\"near\":{\"x\":110,\"y\":110,\"radius_m\":1000}}}}");
-    assert_int_equal(scene->forest.count, 0);
-    drop(take(scene, r, "none"));
-    struct sv_scene_change c =
-        patch(scene, r, "{\"trees\":{\"add\":[{\"x\":111,\"y\":70,\"species\":\"oak\",\"height_m\":12}]}}");
-    assert_int_equal(c.first_tree, TREES);
-    struct album *a = take(scene, r, "one");
-    sv_renderer_destroy(r);
-    r = renderer_of(scene);
-    struct album *b = take(scene, r, "one-anew");
-    same_pictures(a, b);
-    drop(a);
-    drop(b);
-    sv_renderer_destroy(r);
-    sv_scene_destroy(scene);
+    none_and_one(scene, r);
 }
 
 static void expect(struct sv_scene *scene, const char *text, const char *const fields[], size_t count)
@@ -469,11 +428,7 @@ static int teardown(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_added_by_list), cmocka_unit_test(test_removed),
-        cmocka_unit_test(test_scatter),       cmocka_unit_test(test_sun),
-        cmocka_unit_test(test_objects),       cmocka_unit_test(test_there_and_back),
-        cmocka_unit_test(test_none),          cmocka_unit_test(test_refused),
-    };
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_changes), cmocka_unit_test(test_removed),
+                                       cmocka_unit_test(test_there_and_back), cmocka_unit_test(test_refused)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
