@@ -1,5 +1,6 @@
-/* id.h - the values of layer=id: 32 bits that name what a pixel shows. Numbers count in the order of the scene file;
- * trees and objects that a patch adds get the next ones, and what stands keeps its own (patch_apply.h). */
+/* id.h - the values of layer=id: 32 bits that name what a pixel shows. Numbers count in the order of the
+ * scene file; trees and objects that a patch adds get the next ones, and what stands keeps its own
+ * (patch_apply.h). */
 #ifndef SV_SCENE_ID_H
 #define SV_SCENE_ID_H
 

@@ -164,7 +164,8 @@ static bool falls_on(const struct sv_shadow_box *b, const struct slot *s, const 
 {
     double texel = ldexp(SV_SHADOW_PAGE_TEXEL_M, s->level), spread = 2 * texel;
     double drop = fmax(b->max[2] - (f->z0 + (double)f->h_min), 0) / fmax(to_sun.z, LOWEST_SUN_Z);
-    const double corner[2] = {f->x0 + ((double)s->i * STEP - 1) * texel, f->y0 + ((double)s->j * STEP - 1) * texel};
+    const double corner[2] = {f->x0 + ((double)s->i * STEP - 1) * texel,
+                              f->y0 + ((double)s->j * STEP - 1) * texel};
     const double shift[2] = {-to_sun.x * drop, -to_sun.y * drop};
     /* The sweep is a parallelogram; what lies beside its axis is told by the part of it over the page. */
     double from = 0, to = 1;

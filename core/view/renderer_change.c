@@ -1,4 +1,5 @@
-/* renderer_change.c - how a renderer follows a change of its scene: only what the change touches is made again.
+/* renderer_change.c - how a renderer follows a change of its scene: only what the change touches is made
+ * again.
  *
  * Forest and objects were exchanged in place, so whoever points at the scene sees the new ones already; here
  * follows what was derived from them: forms of species that are new, light at trees (tree/shade.h), pages of
@@ -37,8 +38,8 @@ static enum sv_status change_shade(struct sv_renderer *r, const struct sv_scene_
     return status;
 }
 
-static enum sv_status change_trees(struct sv_renderer *r, const struct sv_scene_delta *delta, struct sv_store *store,
-                                   struct sv_error *error)
+static enum sv_status change_trees(struct sv_renderer *r, const struct sv_scene_delta *delta,
+                                   struct sv_store *store, struct sv_error *error)
 {
     const struct sv_scene *scene = r->scene;
     if (!r->trees)
@@ -75,7 +76,8 @@ static void drop_pages(struct sv_renderer *r, const struct sv_scene_delta *delta
                          &r->scene->terrain.field, boxes, change->box_count);
 }
 
-static enum sv_status change_truth(struct sv_renderer *r, const struct sv_scene_delta *delta, struct sv_error *error)
+static enum sv_status change_truth(struct sv_renderer *r, const struct sv_scene_delta *delta,
+                                   struct sv_error *error)
 {
     struct sv_truth_change change = {.gone = delta->gone,
                                      .gone_count = delta->change.trees_removed,
@@ -85,8 +87,8 @@ static enum sv_status change_truth(struct sv_renderer *r, const struct sv_scene_
     return r->truth && (delta->trees || delta->objects) ? sv_truth_change(r->truth, &change, error) : SV_OK;
 }
 
-enum sv_status sv_renderer_change(struct sv_renderer *r, const struct sv_scene_delta *delta, struct sv_store *store,
-                                  struct sv_error *error)
+enum sv_status sv_renderer_change(struct sv_renderer *r, const struct sv_scene_delta *delta,
+                                  struct sv_store *store, struct sv_error *error)
 {
     enum sv_status status = SV_OK;
     if (delta->objects)

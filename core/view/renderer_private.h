@@ -41,7 +41,8 @@ struct sv_renderer {
 /* The forest's drawing; nothing for a scene without trees. */
 SV_MUST_CHECK enum sv_status sv_renderer_make_trees(struct sv_renderer *r, struct sv_store *store,
                                                     struct sv_error *error);
-/* What the scene's own sun costs once: shadow heights of the terrain and, if asked for, light at every tree. */
+/* What the scene's own sun costs once: shadow heights of the terrain and, if asked for, light at every tree.
+ */
 SV_MUST_CHECK enum sv_status sv_renderer_make_sun(struct sv_renderer *r, bool trees, struct sv_error *error);
 /* Of the pages that are lit by a sun, with shadows of trees or without. */
 uint64_t sv_renderer_shadow_key(struct sv_vec3 to_sun, bool trees);

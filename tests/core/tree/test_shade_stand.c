@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "core/base/frames.h"
+#include "core/base/rng.h"
 #include "core/scene/id.h"
 #include "shade_fixture.h"
 
