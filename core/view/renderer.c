@@ -1,5 +1,5 @@
 /* renderer.c - see renderer.h. Draws directly: terrain, sky, objects, trees by OSMesa, or everything by Embree. */
-#include "core/view/renderer_private.h"
+#include "core/view/renderer.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -8,6 +8,7 @@
 #include "core/base/color.h"
 #include "core/base/hash.h"
 #include "core/gl/frame.h"
+#include "core/view/renderer_private.h"
 
 void sv_renderer_destroy(struct sv_renderer *renderer)
 {
