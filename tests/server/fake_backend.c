@@ -101,6 +101,11 @@ enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, si
         return status;
     }
     backend->version = sv_hash_done(sv_hash_bytes(sv_hash_u64(SV_HASH_INIT, backend->version), text, bytes));
+    char version[24];
+    char *told = strstr(backend->document, "\"version\":\"");
+    snprintf(version, sizeof version, "%016llx", (unsigned long long)backend->version);
+    if (told)
+        memcpy(told + strlen("\"version\":\""), version, strlen(version));
     *change = (struct sv_scene_change){.trees_added = 1};
     return SV_OK;
 }
