@@ -69,8 +69,8 @@ static enum sv_status measure(const struct sv_tree *trees, uint32_t count, struc
             if (!isfinite(p[a]) || !isfinite(trees[k].height_m))
                 return sv_fail(error, SV_EINVAL, "trees", "tree %u has a place or height that is not finite",
                                k);
-            e->min[a] = fmin(e->min[a], p[a]);
-            e->max[a] = fmax(e->max[a], p[a]);
+            e->min[a] = p[a] < e->min[a] ? p[a] : e->min[a];
+            e->max[a] = p[a] > e->max[a] ? p[a] : e->max[a];
         }
     }
     return SV_OK;
@@ -142,25 +142,25 @@ static void empty_box(struct sv_forest_node *n)
     }
 }
 
-static void grow_box(struct sv_forest_node *n, const double min[3], const double max[3])
-{
-    for (int a = 0; a < 3; a++) {
-        n->box_min[a] = fminf(n->box_min[a], narrow_down(min[a]));
-        n->box_max[a] = fmaxf(n->box_max[a], narrow_up(max[a]));
-    }
-}
-
 static void fill_leaf(struct sv_forest_node *n, const struct sv_forest *f,
                       const struct sv_crown_bound *bounds)
 {
+    double min[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, max[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX};
     empty_box(n);
     for (uint32_t k = n->first; k < n->first + n->count; k++) {
         const struct sv_tree *t = &f->trees[k];
         const struct sv_crown_bound *b = &bounds[t->species];
         double h = t->height_m, r = h * b->radius;
         double x = t->x - f->origin.x, y = t->y - f->origin.y, z = t->z - f->origin.z;
-        grow_box(n, (const double[3]){x - r, y - r, z + h * b->bottom},
-                 (const double[3]){x + r, y + r, z + h * b->top});
+        const double lo[3] = {x - r, y - r, z + h * b->bottom}, hi[3] = {x + r, y + r, z + h * b->top};
+        for (int a = 0; a < 3; a++) {
+            min[a] = lo[a] < min[a] ? lo[a] : min[a];
+            max[a] = hi[a] > max[a] ? hi[a] : max[a];
+        }
+    }
+    for (int a = 0; a < 3 && n->count > 0; a++) {
+        n->box_min[a] = narrow_down(min[a]);
+        n->box_max[a] = narrow_up(max[a]);
     }
 }
 
