@@ -46,15 +46,19 @@ static cJSON *terrain(const struct sv_scene_facts *f, bool *good)
 
 static cJSON *one_species(const struct sv_species_facts *s, bool *good)
 {
-    cJSON *object = cJSON_CreateObject(), *forms = cJSON_CreateObject();
+    cJSON *object = cJSON_CreateObject(), *forms = cJSON_CreateObject(), *built = cJSON_CreateArray();
     sv_api_json_add_text(object, "name", s->name, good);
     sv_api_json_add_number(object, "trees", s->tree_count, good);
     sv_api_json_add_number(object, "leaves", s->leaf_count, good);
     sv_api_json_add_number(object, "triangles", s->triangle_count, good);
     sv_api_json_add_number(object, "vertices", s->vertex_count, good);
-    for (int k = 0; k < s->form_count && k < SV_FORM_FACTS_MAX; k++)
+    for (int k = 0; k < s->form_count && k < SV_FORM_FACTS_MAX; k++) {
         sv_api_json_add_number(forms, s->forms[k].form, (double)s->forms[k].bytes, good);
+        if (s->forms[k].built)
+            sv_api_json_append(built, cJSON_CreateString(s->forms[k].form), good);
+    }
     sv_api_json_add(object, "bytes", forms, good);
+    sv_api_json_add(object, "built", built, good);
     return object;
 }
 

@@ -1,5 +1,6 @@
-/* scene_doc.h - the document of GET /v1/scene. The scene process writes it once after loading; the daemon
- * sends it on. */
+/* scene_doc.h - the document of GET /v1/scene. The scene process writes it after loading, and again when it
+ * has built a form; the daemon sends it on. A species has `bytes`, what it takes in each form (of one that is
+ * not built yet: what it will take, by its sizes), and `built`, the forms that are. */
 #ifndef SV_API_SCENE_DOC_H
 #define SV_API_SCENE_DOC_H
 

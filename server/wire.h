@@ -8,7 +8,8 @@
  *
  * daemon -> scene   FORK (fd: the worker's end of a socketpair)
  * scene  -> daemon  READY (fd: memfd with the facts as JSON), or REASON ... REASON FAILED; FORKED (fd:
- * pidfd), EXITED daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED, DRAWN
+ * pidfd), EXITED, FACTS (fd: memfd) daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED,
+ * DRAWN
  *
  * A patch: daemon -> scene PATCH (fd: the successor's end of a socketpair), which is forked from the scene
  * process and told of by FOLLOWED; daemon -> successor PATCH_TEXT (fd: memfd with the body) over its own
@@ -41,7 +42,8 @@ enum { SV_WIRE_VERSION = 2 };
     X(SV_WIRE_PATCH, struct sv_wire_patch, patch)          \
     X(SV_WIRE_FOLLOWED, struct sv_wire_followed, followed) \
     X(SV_WIRE_PATCH_TEXT, struct sv_wire_patch_text, text) \
-    X(SV_WIRE_PATCHED, struct sv_wire_patched, patched)
+    X(SV_WIRE_PATCHED, struct sv_wire_patched, patched)    \
+    X(SV_WIRE_FACTS, struct sv_wire_facts, facts)
 
 enum sv_wire_type {
 #define X(name, type, member) name,
@@ -65,6 +67,11 @@ struct sv_wire_ready {
     double relief_distance_m; /* the scene's own: the size of a cell */
     int32_t epsg;             /* of the scene's coordinate system, 0 when it has no code */
     uint32_t new_threads;     /* that loading started and that still run: none may when workers are forked */
+};
+
+struct sv_wire_facts { /* with a memfd: what READY brought is out of date */
+    struct sv_wire_head head;
+    uint64_t facts_bytes;
 };
 
 struct sv_wire_reason { /* one reason why a scene does not load */

@@ -34,7 +34,7 @@ enum {
     STALE_TEMPORARY_S = 600 /* a temporary file this old belongs to a writer that died */
 };
 
-static const char LOCK_NAME[] = "store.lock";
+static const char LOCK_NAME[] = "store.lock", CLAIMS_NAME[] = "claims.lock";
 
 struct header {
     char magic[8];
@@ -387,4 +387,44 @@ enum sv_status sv_store_put(struct sv_store *store, const char *kind, uint64_t k
     }
     evict(store, name);
     return SV_OK;
+}
+
+bool sv_store_has(struct sv_store *store, const char *kind, uint64_t key)
+{
+    char name[NAME_MAX_BYTES];
+    struct stat st;
+    if (!store || !kind_ok(kind))
+        return false;
+    blob_name(name, kind, key);
+    return fstatat(store->dir_fd, name, &st, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(st.st_mode);
+}
+
+/* A lock on one byte of a file, the byte's place a hash of kind and key (two that meet wait for each other,
+ * which is harmless). It belongs to the open file, not to the process as older locks do: claims of one
+ * process exclude each other, too. */
+int sv_store_claim(struct sv_store *store, const char *kind, uint64_t key)
+{
+    if (!store || !kind_ok(kind))
+        return SV_STORE_UNCLAIMED;
+    uint64_t place = sv_hash_done(sv_hash_bytes(sv_hash_u64(SV_HASH_INIT, key), kind, strlen(kind)));
+    struct flock lock = {
+        .l_type = F_WRLCK, .l_whence = SEEK_SET, .l_start = (off_t)(place >> 16), .l_len = 1};
+    int fd = openat(store->dir_fd, CLAIMS_NAME, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600), held;
+    if (fd < 0)
+        return SV_STORE_UNCLAIMED;
+    while ((held = fcntl(fd, F_OFD_SETLKW, &lock)) != 0 && errno == EINTR)
+        ;
+    if (held == 0)
+        return fd;
+    close(fd);
+    return SV_STORE_UNCLAIMED;
+}
+
+void sv_store_release(int claim)
+{
+    struct flock lock = {.l_type = F_UNLCK, .l_whence = SEEK_SET}; /* children may have the file open, too */
+    if (claim == SV_STORE_UNCLAIMED)
+        return;
+    (void)fcntl(claim, F_OFD_SETLK, &lock);
+    close(claim);
 }

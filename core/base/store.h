@@ -7,6 +7,7 @@
 #ifndef SV_BASE_STORE_H
 #define SV_BASE_STORE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -27,5 +28,14 @@ SV_MUST_CHECK enum sv_status sv_store_get(struct sv_store *store, const char *ki
 /* Keeps the blob. The status only informs (log it); work goes on. */
 enum sv_status sv_store_put(struct sv_store *store, const char *kind, uint64_t key, const void *data, size_t bytes,
                             struct sv_error *error);
+/* Whether there is a blob of that kind and key; it may yet be found damaged, or be evicted. */
+bool sv_store_has(struct sv_store *store, const char *kind, uint64_t key);
+
+/* Waits until no other claim on that kind and key is held, in whatever process, and holds one: whoever finds a blob
+ * missing claims it, looks again, and only then builds it, so that it is built once. A claim ends with its process.
+ * SV_STORE_UNCLAIMED when claims cannot be had (no store, a read-only one): the caller goes on without. */
+enum { SV_STORE_UNCLAIMED = -1 };
+SV_MUST_CHECK int sv_store_claim(struct sv_store *store, const char *kind, uint64_t key);
+void sv_store_release(int claim); /* SV_STORE_UNCLAIMED is legal */
 
 #endif

@@ -68,6 +68,14 @@ static void to_frame(const struct sv_relief_frame *frame, struct sv_vec3 v, floa
     out[2] = (float)(sv_dot(frame->f, v) * scale);
 }
 
+/* (n.h)^2 at which the mirror comes to 1/20 of a level where a level is least light (1 / (255 * 12.92)). */
+static float faint(const struct sv_relief_light_row *row)
+{
+    float most = 255 * fmaxf(row->mirror[0], fmaxf(row->mirror[1], row->mirror[2]));
+    float share = 0.05f / (255 * 12.92f) / most; /* of what the mirror gives at n.h = 1 */
+    return share < 1 ? powf(share, 2 / row->shininess) : most > 0 ? 1 : 0;
+}
+
 static void prepare(const struct sv_relief_light *options, struct sv_relief_light_row *row)
 {
     const struct sv_light *light = options->light;
@@ -82,6 +90,7 @@ static void prepare(const struct sv_relief_light *options, struct sv_relief_ligh
         row->mirror[c] = options->specular * row->sun[c];
     }
     row->specular = options->has_viewer && options->specular > 0;
+    row->faint = row->specular ? faint(row) : 0;
     to_frame(&options->frame, sv_sub(options->eye, options->frame.origin), row->eye, 1);
     row->pitch[0] = (float)sv_length(options->frame.a);
     row->pitch[1] = (float)sv_length(options->frame.b);
@@ -102,51 +111,88 @@ static float mirror(const struct sv_relief_light_row *light, const float n[3], f
     return n_h > 0 ? powf(fminf(n_h, 1), light->shininess) : 0;
 }
 
-void sv_relief_light_span_scalar(const struct sv_relief_light_row *light,
-                                 const struct sv_relief_light_span *span)
+static void light_texel(const struct sv_relief_light_row *light, const struct sv_relief_light_sheet *sheet,
+                        int row, int column)
 {
-    for (int i = span->first; i < span->last; i++) {
-        memcpy(span->rgba[i], span->color[i], 4);
-        if (span->color[i][3] < 128) /* empty */
-            continue;
-        float n[3] = {span->normal[i][0], span->normal[i][1], span->normal[i][2]};
-        float open = span->normal[i][3], lit = span->lit ? span->lit[i] : 255, shine = 0;
-        float n_l = n[0] * light->to_sun[0] + n[1] * light->to_sun[1] + n[2] * light->to_sun[2];
-        float up = 0.5f + (n[0] * light->up[0] + n[1] * light->up[1] + n[2] * light->up[2]);
-        float sun = fmaxf(0, n_l) * lit;
-        if (light->specular && n_l > 0 && lit > 0) {
-            const float unit[3] = {n[0] / 32767, n[1] / 32767, n[2] / 32767};
-            shine = lit * mirror(light, unit, (float)i + 0.5f, (float)span->row + 0.5f, span->displ[i]);
-        }
-        for (int c = 0; c < 3; c++) {
-            float ambient = (light->ground[c] + light->ground_sky[c] * up) * open;
-            float exposed = sv_linear_from_srgb8[span->color[i][c]] * (light->sun[c] * sun + ambient);
-            span->rgba[i][c] = sv_srgb8_from_linear(sv_light_tone(exposed + light->mirror[c] * shine));
-        }
+    size_t i = (size_t)row * (size_t)sheet->width + (size_t)column;
+    memcpy(sheet->rgba[i], sheet->color[i], 4);
+    if (sheet->color[i][3] < 128) /* empty */
+        return;
+    float m[4];
+    for (int c = 0; c < 4; c++)
+        m[c] = sheet->plane[0] ? sheet->plane[c][i] : sheet->normal[i][c];
+    const float n[3] = {m[0], m[1], m[2]};
+    float open = m[3], lit = sheet->lit ? sheet->lit[i] : 255, shine = 0;
+    float n_l = n[0] * light->to_sun[0] + n[1] * light->to_sun[1] + n[2] * light->to_sun[2];
+    float up = 0.5f + (n[0] * light->up[0] + n[1] * light->up[1] + n[2] * light->up[2]);
+    float sun = fmaxf(0, n_l) * lit;
+    if (light->specular && n_l > 0 && lit > 0) {
+        const float unit[3] = {n[0] / 32767, n[1] / 32767, n[2] / 32767};
+        shine = lit * mirror(light, unit, (float)column + 0.5f, (float)row + 0.5f, sheet->displ[i]);
     }
+    for (int c = 0; c < 3; c++) {
+        float ambient = (light->ground[c] + light->ground_sky[c] * up) * open;
+        float exposed = sv_linear_from_srgb8[sheet->color[i][c]] * (light->sun[c] * sun + ambient);
+        sheet->rgba[i][c] = sv_srgb8_from_linear(sv_light_tone(exposed + light->mirror[c] * shine));
+    }
+}
+
+void sv_relief_light_scalar(const struct sv_relief_light_row *light,
+                            const struct sv_relief_light_sheet *sheet, const struct sv_relief_eight *list,
+                            int count)
+{
+    for (int k = 0; k < count; k++) {
+        int end = list[k].column + 8 < sheet->width ? list[k].column + 8 : sheet->width;
+        for (int i = list[k].column; i < end; i++)
+            light_texel(light, sheet, list[k].row, i);
+    }
+}
+
+/* Those of one row that are needed, without a branch on it. */
+static int list_row(const uint8_t *groups, int width, int row, struct sv_relief_eight *list)
+{
+    const int last = width > 8 ? width - 8 : 0;
+    int n = 0;
+    for (int i = 0; i < last; i += 8) {
+        list[n] = (struct sv_relief_eight){row, i};
+        n += groups[i / 8];
+    }
+    list[n] = (struct sv_relief_eight){row, last};
+    return n + groups[(width - 1) / 8];
+}
+
+int sv_relief_list_eights(const uint8_t *groups, int width, int height, int *row,
+                          struct sv_relief_eight list[SV_RELIEF_LIST_ROOM])
+{
+    const size_t stride = ((size_t)width + 7) / 8;
+    static const uint8_t ALL[SV_RELIEF_SIDE_MAX / 8] = {[0 ... SV_RELIEF_SIDE_MAX / 8 - 1] = 1};
+    int n = 0;
+    for (; *row < height && n < SV_RELIEF_LIST; ++*row)
+        n += list_row(groups ? groups + (size_t)*row * stride : ALL, width, *row, list + n);
+    return n;
 }
 
 void sv_relief_light(const struct sv_relief *relief, const struct sv_relief_light *options,
                      uint8_t (*rgba)[4])
 {
     struct sv_relief_light_row light;
-    bool wide = sv_simd_level() >= SV_SIMD_AVX2;
+    const size_t texels = (size_t)relief->width * (size_t)relief->height;
+    struct sv_relief_light_sheet sheet = {.width = relief->width,
+                                          .color = (const uint8_t(*)[4])relief->color,
+                                          .normal = (const int16_t(*)[4])relief->normal,
+                                          .displ = relief->displ,
+                                          .lit = options->lit,
+                                          .rgba = rgba};
+    void (*kernel)(const struct sv_relief_light_row *, const struct sv_relief_light_sheet *,
+                   const struct sv_relief_eight *, int) =
+        relief->width >= 8 && sv_simd_level() >= SV_SIMD_AVX2 ? sv_relief_light_avx2 : sv_relief_light_scalar;
+    for (size_t c = 0; options->planes && c < 4; c++)
+        sheet.plane[c] = options->planes + c * texels;
     prepare(options, &light);
     sv_color_init();
-    const size_t stride = ((size_t)relief->width + 7) / 8;
-    for (int j = 0; j < relief->height; j++) {
-        size_t row = (size_t)j * (size_t)relief->width;
-        const uint8_t *groups = options->groups ? options->groups + (size_t)j * stride : NULL;
-        struct sv_relief_light_span span = {.color = (const uint8_t(*)[4])relief->color + row,
-                                            .normal = (const int16_t(*)[4])relief->normal + row,
-                                            .displ = relief->displ + row,
-                                            .lit = options->lit ? options->lit + row : NULL,
-                                            .rgba = rgba + row,
-                                            .row = j};
-        while (sv_relief_next_run(groups, relief->width, &span.first, &span.last)) {
-            if (wide)
-                span.first = sv_relief_light_span_avx2(&light, &span);
-            sv_relief_light_span_scalar(&light, &span);
-        }
+    struct sv_relief_eight list[SV_RELIEF_LIST_ROOM];
+    for (int row = 0; row < relief->height;) {
+        int n = sv_relief_list_eights(options->groups, relief->width, relief->height, &row, list);
+        kernel(&light, &sheet, list, n);
     }
 }

@@ -16,22 +16,18 @@
 /* Fills normal[] of all solid texels from displ, eq. (5), (6); occlusion is left as it is. */
 void sv_relief_normals(struct sv_relief *relief);
 
-/* Which texels of a relief are needed: a byte for each group of eight of a row, (width + 7) / 8 a row, 0 for
- * a group that is not; the rest may be left alone. Goes to the next run of a row from *last on (0 at first);
- * a row of eight texels or more has whole groups only, the last one then begins earlier. groups NULL: all. */
-static inline bool sv_relief_next_run(const uint8_t *groups, int width, int *first, int *last)
-{
-    int k = (*last + 7) / 8, whole = width / 8;
-    while (groups && 8 * k < width && !groups[k])
-        k++;
-    if (8 * k >= width)
-        return false;
-    *first = k < whole ? 8 * k : whole > 0 ? width - 8 : 0;
-    while (k < whole && (!groups || groups[k]))
-        k++;
-    *last = *first + 8 <= 8 * k ? 8 * k : width;
-    return true;
-}
+/* Which texels of a relief are needed: a byte for each group of eight of a row, (width + 7) / 8 a row, 1 for
+ * one that is, 0 for one that is not; the rest may be left alone. Kernels take them as a list of eights:
+ * texels column .. column + 7 of a row. */
+struct sv_relief_eight {
+    int32_t row, column;
+};
+/* Lists those of rows *row and after (groups: of all rows, NULL: all), whole rows until LIST are listed, goes
+ * on to the next row and returns their number. A row of eight texels or more has whole eights only, the last
+ * then begins earlier; a shorter one has one, with as many texels as there are. */
+enum { SV_RELIEF_LIST = 256, SV_RELIEF_LIST_ROOM = SV_RELIEF_LIST + SV_RELIEF_SIDE_MAX / 8 + 1 };
+int sv_relief_list_eights(const uint8_t *groups, int width, int height, int *row,
+                          struct sv_relief_eight list[SV_RELIEF_LIST_ROOM]);
 
 struct sv_relief_light {
     const struct sv_light *light; /* in the space that `frame` turns to: world */
@@ -41,7 +37,8 @@ struct sv_relief_light {
     struct sv_vec3 eye;           /* world */
     float specular;               /* 0: none; share of sunlight that the surface mirrors */
     float shininess;              /* Blinn's exponent, >= 1 */
-    const uint8_t *groups;        /* what is needed (sv_relief_next_run); NULL: all */
+    const uint8_t *groups;        /* what is needed (sv_relief_list_eights); NULL: all */
+    const int16_t *planes; /* the relief's normal[] as four planes, one behind the other; NULL: normal[] */
 };
 
 /* rgba: width * height, the seen colour in sRGB code, alpha as in color[]: light.h's surface rule (exposure

@@ -82,8 +82,8 @@ static inline __m256 dot(const __m256 n[3], const float v[3])
     return _mm256_fmadd_ps(n[2], splat(v[2]), sum);
 }
 
-/* Normals * 32767 and sky occlusion * 32767 of eight texels, as planes. */
-static inline void load_normals(const int16_t (*normal)[4], __m256 n[3], __m256 *open)
+/* Normals * 32767 and sky occlusion * 32767 of eight texels. */
+static inline void load_normals(const int16_t (*normal)[4], __m256 n[4])
 {
     __m256i near = _mm256_loadu_si256((const __m256i *)(const void *)normal);
     __m256i far = _mm256_loadu_si256((const __m256i *)(const void *)(normal + 4));
@@ -94,72 +94,155 @@ static inline void load_normals(const int16_t (*normal)[4], __m256 n[3], __m256 
     n[0] = _mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(xy, 16), 16));
     n[1] = _mm256_cvtepi32_ps(_mm256_srai_epi32(xy, 16));
     n[2] = _mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(zo, 16), 16));
-    *open = _mm256_cvtepi32_ps(_mm256_srai_epi32(zo, 16));
+    n[3] = _mm256_cvtepi32_ps(_mm256_srai_epi32(zo, 16));
 }
 
-/* (n.h)^shininess; n_l: n.l, over 0 where it counts. */
-static inline __m256 mirror(const struct sv_relief_light_row *light, const __m256 n[3], __m256 n_l, int i,
-                            int row, const float *displ)
+static inline void load_planes(const int16_t *const plane[4], size_t i, __m256 n[4])
+{
+    for (int c = 0; c < 4; c++) {
+        __m128i part = _mm_loadu_si128((const __m128i *)(const void *)(plane[c] + i));
+        n[c] = _mm256_cvtepi32_ps(_mm256_cvtepi16_epi32(part));
+    }
+}
+
+/* What does not depend on the albedo, of CHUNK eights. One loop for it, one for what mirrors, one for the
+ * colours: from its normal to its code a texel is one long chain, of which shorter loops overlap more; and
+ * which eights mirror cannot be foretold. */
+enum { CHUNK = 16 };
+struct chunk {
+    __m256 sun[CHUNK], open[CHUNK], up[CHUNK], shine[CHUNK]; /* up: times open; shine: (n.h)^2 at first */
+};
+
+static inline size_t texel_of(const struct sv_relief_light_sheet *sheet, struct sv_relief_eight at)
+{
+    return (size_t)at.row * (size_t)sheet->width + (size_t)at.column;
+}
+
+/* (n.h)^2 where it counts, else 0. n_l: n.l; sun: over 0 where the sun is seen. */
+static inline __m256 halfway(const struct sv_relief_light_row *light, const __m256 n[3], __m256 n_l,
+                             __m256 sun, struct sv_relief_eight at, const float *displ)
 {
     const __m256 zero = _mm256_setzero_ps();
-    __m256 u = _mm256_add_ps(splat((float)i + 0.5f), _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7));
+    __m256 u = _mm256_add_ps(splat((float)at.column + 0.5f), _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7));
     const __m256 e[3] = {_mm256_fnmadd_ps(u, splat(light->pitch[0]), splat(light->eye[0])),
-                         splat(light->eye[1] - ((float)row + 0.5f) * light->pitch[1]),
-                         _mm256_sub_ps(splat(light->eye[2]), _mm256_loadu_ps(displ + i))};
+                         splat(light->eye[1] - ((float)at.row + 0.5f) * light->pitch[1]),
+                         _mm256_sub_ps(splat(light->eye[2]), _mm256_loadu_ps(displ))};
     __m256 square = _mm256_fmadd_ps(e[0], e[0], _mm256_fmadd_ps(e[1], e[1], _mm256_mul_ps(e[2], e[2])));
     __m256 n_e = _mm256_fmadd_ps(n[0], e[0], _mm256_fmadd_ps(n[1], e[1], _mm256_mul_ps(n[2], e[2])));
-    __m256 good = _mm256_and_ps(_mm256_cmp_ps(n_e, zero, _CMP_GT_OQ), _mm256_cmp_ps(n_l, zero, _CMP_GT_OQ));
+    __m256 good = _mm256_and_ps(_mm256_cmp_ps(n_e, zero, _CMP_GT_OQ), _mm256_cmp_ps(sun, zero, _CMP_GT_OQ));
     good = _mm256_and_ps(good, _mm256_cmp_ps(square, splat(INFINITY), _CMP_LT_OQ));
-    if (!_mm256_movemask_ps(good))
-        return zero;
     __m256 nearness = _mm256_div_ps(splat(1), _mm256_sqrt_ps(square));
     __m256 n_v = _mm256_mul_ps(n_e, _mm256_mul_ps(nearness, splat(1.0f / 32767)));
     __m256 l_v = _mm256_mul_ps(dot(e, light->sun_unit), nearness);
     __m256 sum = _mm256_add_ps(n_l, n_v);
     __m256 n_h2 = _mm256_div_ps(_mm256_mul_ps(sum, sum), _mm256_fmadd_ps(l_v, splat(2), splat(2)));
     n_h2 = _mm256_min_ps(_mm256_max_ps(n_h2, splat(1e-30f)), splat(1)); /* NaN: 1e-30, and not good */
-    return _mm256_and_ps(power_of(n_h2, splat(0.5f * light->shininess)), good);
+    good = _mm256_and_ps(good, _mm256_cmp_ps(n_h2, splat(light->faint), _CMP_GE_OQ));
+    return _mm256_and_ps(n_h2, good);
 }
 
-enum { AHEAD = 32 }; /* texels */
-
-int sv_relief_light_span_avx2(const struct sv_relief_light_row *light,
-                              const struct sv_relief_light_span *span)
+/* Returns how many of the chunk's eights mirror; their numbers are listed. */
+static inline __attribute__((always_inline)) int light_chunk(const struct sv_relief_light_row *light,
+                                                             const struct sv_relief_light_sheet *sheet,
+                                                             const struct sv_relief_eight *list, int count,
+                                                             bool planes, struct chunk *chunk, int *mirrors)
 {
-    int i = span->first;
-    for (; i + 8 <= span->last; i += 8) {
-        __m256i color = _mm256_loadu_si256((const __m256i *)(const void *)(span->color + i));
-        __m256i *out = (__m256i *)(void *)(span->rgba + i);
-        if (!_mm256_movemask_ps(_mm256_castsi256_ps(color))) { /* alpha's top bit: all eight are empty */
-            _mm256_storeu_si256(out, color);
-            continue;
-        }
-        __m256 n[3], open, lit = splat(255);
-        _mm_prefetch((const char *)(span->normal + i + AHEAD), _MM_HINT_T0);
-        _mm_prefetch((const char *)(span->rgba + i + AHEAD), _MM_HINT_T0);
-        load_normals(span->normal + i, n, &open);
-        if (span->lit)
+    const __m256 zero = _mm256_setzero_ps();
+    int listed = 0;
+    for (int k = 0; k < count; k++) {
+        size_t i = texel_of(sheet, list[k]);
+        __m256 n[4], lit = splat(255);
+        _mm_prefetch((const char *)(sheet->color + i), _MM_HINT_T0);
+        _mm_prefetch((const char *)(sheet->rgba + i), _MM_HINT_T0);
+        if (planes)
+            load_planes(sheet->plane, i, n);
+        else
+            load_normals(sheet->normal + i, n);
+        if (sheet->lit)
             lit = _mm256_cvtepi32_ps(
-                _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)(span->lit + i))));
+                _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)(sheet->lit + i))));
         __m256 n_l = dot(n, light->to_sun), up = _mm256_add_ps(dot(n, light->up), splat(0.5f));
-        __m256 sun = _mm256_mul_ps(_mm256_max_ps(n_l, _mm256_setzero_ps()), lit), shine = _mm256_setzero_ps();
-        if (light->specular)
-            shine = _mm256_mul_ps(lit, mirror(light, n, n_l, i, span->row, span->displ));
-        const __m256i byte = _mm256_set1_epi32(255);
-        __m256i code[3];
+        __m256 sun = _mm256_mul_ps(_mm256_max_ps(n_l, zero), lit);
+        chunk->sun[k] = sun;
+        chunk->open[k] = n[3];
+        chunk->up[k] = _mm256_mul_ps(up, n[3]);
+        chunk->shine[k] = zero;
+        if (!light->specular || !_mm256_movemask_ps(_mm256_cmp_ps(sun, zero, _CMP_GT_OQ)))
+            continue;
+        __m256 n_h2 = halfway(light, n, n_l, sun, list[k], sheet->displ + i);
+        chunk->shine[k] = n_h2;
+        mirrors[listed] = k;
+        listed += _mm256_movemask_ps(_mm256_cmp_ps(n_h2, zero, _CMP_GT_OQ)) != 0;
+    }
+    return listed;
+}
+
+/* The mirror's share of light, (n.h)^shininess, in place of (n.h)^2. */
+static inline void mirror_chunk(const struct sv_relief_light_row *light,
+                                const struct sv_relief_light_sheet *sheet, const struct sv_relief_eight *list,
+                                const int *mirrors, int count, struct chunk *chunk)
+{
+    const __m256 half = splat(0.5f * light->shininess);
+    for (int m = 0; m < count; m++) {
+        int k = mirrors[m];
+        __m256 n_h2 = chunk->shine[k], lit = splat(255);
+        if (sheet->lit)
+            lit = _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(
+                _mm_loadl_epi64((const __m128i *)(const void *)(sheet->lit + texel_of(sheet, list[k])))));
+        __m256 some = _mm256_cmp_ps(n_h2, _mm256_setzero_ps(), _CMP_GT_OQ);
+        __m256 power = power_of(_mm256_max_ps(n_h2, splat(1e-30f)), half);
+        chunk->shine[k] = _mm256_mul_ps(lit, _mm256_and_ps(power, some));
+    }
+}
+
+static inline void color_chunk(const struct sv_relief_light_row *light, const struct chunk *chunk,
+                               const struct sv_relief_light_sheet *sheet, const struct sv_relief_eight *list,
+                               int count)
+{
+    const __m256i byte = _mm256_set1_epi32(255), alpha = _mm256_set1_epi32((int)0xff000000);
+    for (int k = 0; k < count; k++) {
+        size_t i = texel_of(sheet, list[k]);
+        __m256i color = _mm256_loadu_si256((const __m256i *)(const void *)(sheet->color + i));
+        __m256i seen = _mm256_and_si256(color, alpha);
         for (int c = 0; c < 3; c++) {
             __m256 albedo = linear_from_code(_mm256_and_si256(_mm256_srli_epi32(color, 8 * c), byte));
-            __m256 ambient = _mm256_fmadd_ps(up, splat(light->ground_sky[c]), splat(light->ground[c]));
-            __m256 sum = _mm256_fmadd_ps(sun, splat(light->sun[c]), _mm256_mul_ps(ambient, open));
-            code[c] = code_from_exposed(
-                _mm256_fmadd_ps(albedo, sum, _mm256_mul_ps(shine, splat(light->mirror[c]))));
+            __m256 sum = _mm256_mul_ps(chunk->up[k], splat(light->ground_sky[c]));
+            sum = _mm256_fmadd_ps(chunk->open[k], splat(light->ground[c]), sum);
+            sum = _mm256_fmadd_ps(chunk->sun[k], splat(light->sun[c]), sum);
+            __m256 shine = _mm256_mul_ps(chunk->shine[k], splat(light->mirror[c]));
+            __m256i code = code_from_exposed(_mm256_fmadd_ps(albedo, sum, shine));
+            seen = _mm256_or_si256(seen, _mm256_slli_epi32(code, 8 * c));
         }
-        __m256i seen = _mm256_or_si256(code[0], _mm256_slli_epi32(code[1], 8));
-        seen = _mm256_or_si256(seen, _mm256_slli_epi32(code[2], 16));
-        seen = _mm256_or_si256(seen, _mm256_and_si256(color, _mm256_set1_epi32((int)0xff000000)));
         __m256 picked = _mm256_blendv_ps(_mm256_castsi256_ps(color), _mm256_castsi256_ps(seen),
-                                         _mm256_castsi256_ps(color));
-        _mm256_storeu_si256(out, _mm256_castps_si256(picked));
+                                         _mm256_castsi256_ps(color)); /* by alpha's top bit */
+        _mm256_storeu_si256((__m256i *)(void *)(sheet->rgba + i), _mm256_castps_si256(picked));
     }
-    return i;
+}
+
+/* Of the next chunk: rows of a picture's eights are too short for the hardware to look ahead. */
+static inline void fetch_planes(const struct sv_relief_light_sheet *sheet, const struct sv_relief_eight *list,
+                                int count)
+{
+    for (int k = 0; k < count; k++) {
+        size_t i = texel_of(sheet, list[k]);
+        for (int c = 0; c < 4; c++)
+            _mm_prefetch((const char *)(sheet->plane[c] + i), _MM_HINT_T0);
+        _mm_prefetch((const char *)(sheet->displ + i), _MM_HINT_T0);
+    }
+}
+
+void sv_relief_light_avx2(const struct sv_relief_light_row *light, const struct sv_relief_light_sheet *sheet,
+                          const struct sv_relief_eight *list, int count)
+{
+    struct chunk chunk;
+    int mirrors[CHUNK];
+    for (int n; count > 0; count -= n, list += n) {
+        n = count < CHUNK ? count : CHUNK;
+        int listed = sheet->plane[0] ? light_chunk(light, sheet, list, n, true, &chunk, mirrors)
+                                     : light_chunk(light, sheet, list, n, false, &chunk, mirrors);
+        if (sheet->plane[0])
+            fetch_planes(sheet, list + n, count - n < CHUNK ? count - n : CHUNK);
+        mirror_chunk(light, sheet, list, mirrors, listed, &chunk);
+        color_chunk(light, &chunk, sheet, list, n);
+    }
 }

@@ -44,7 +44,7 @@ struct sv_relief_object {
     void *block;
     struct sv_relief_tile *tile[SV_RELIEF_SHEETS], *tiles; /* object_tiles.c */
     int16_t *normals[SV_RELIEF_SHEETS],
-        *normal_block;                           /* likewise: three planes a sheet; NULL for an empty sheet */
+        *normal_block; /* likewise: normal[] in four planes; NULL for an empty sheet */
     uint8_t *rims[SV_RELIEF_SHEETS], *rim_block; /* object_rims.c */
 };
 

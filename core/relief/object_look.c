@@ -219,7 +219,8 @@ static enum sv_status light_sheets(struct sv_relief_look *look, unsigned faces, 
                                       .eye = sv_relief_place_to_model(&look->place, options->eye),
                                       .specular = options->specular,
                                       .shininess = options->shininess,
-                                      .groups = groups ? groups[k] : NULL};
+                                      .groups = groups ? groups[k] : NULL,
+                                      .planes = look->object->normals[k]};
         sv_relief_light(face, &how, look->seen[k]);
     }
     return status;

@@ -17,23 +17,34 @@ static float passes(const struct sv_relief_lookup *map, float x, float y, float 
     return upper + (lower - upper) * fy;
 }
 
-void sv_relief_lookup_scalar(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_row *row,
-                             int from)
+static uint8_t look_up(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_sheet *sheet,
+                       size_t texel, int column, int row)
 {
-    for (int i = from; i < row->n; i++) {
-        float n[3] = {row->normal[0][i], row->normal[1][i], row->normal[2][i]}, at[3], share;
-        float u = (float)i + 0.5f, v = (float)row->row + 0.5f, h = row->displ[i];
-        row->lit[i] = 0;
-        if (row->color[i][3] < 128 ||
-            !((n[0] * lookup->sun[0] + n[1] * lookup->sun[1]) + n[2] * lookup->sun[2] > 0))
-            continue;
-        for (int k = 0; k < 3; k++) {
-            const float *m = lookup->at[k], *o = lookup->offset[k];
-            at[k] = (((m[3] + m[1] * v) + m[0] * u) + m[2] * h) + ((o[0] * n[0] + o[1] * n[1]) + o[2] * n[2]);
+    float n[3] = {sheet->normal[0][texel], sheet->normal[1][texel], sheet->normal[2][texel]}, at[3], share;
+    float u = (float)column + 0.5f, v = (float)row + 0.5f, h = sheet->displ[texel];
+    if (sheet->color[texel][3] < 128 ||
+        !((n[0] * lookup->sun[0] + n[1] * lookup->sun[1]) + n[2] * lookup->sun[2] > 0))
+        return 0;
+    for (int k = 0; k < 3; k++) {
+        const float *m = lookup->at[k], *o = lookup->offset[k];
+        at[k] = (((m[3] + m[1] * v) + m[0] * u) + m[2] * h) + ((o[0] * n[0] + o[1] * n[1]) + o[2] * n[2]);
+    }
+    share = passes(lookup, at[0], at[1], at[2]);
+    if (sheet->incoming && sheet->incoming[texel] - h > lookup->low &&
+        sheet->incoming[texel] - h < lookup->high)
+        share = 0;
+    return (uint8_t)(255 * share + 0.5f);
+}
+
+void sv_relief_lookup_scalar(const struct sv_relief_lookup *lookup,
+                             const struct sv_relief_lookup_sheet *sheet, const struct sv_relief_eight *list,
+                             int count)
+{
+    for (int k = 0; k < count; k++) {
+        int end = list[k].column + 8 < sheet->width ? list[k].column + 8 : sheet->width;
+        for (int i = list[k].column; i < end; i++) {
+            size_t texel = (size_t)list[k].row * (size_t)sheet->width + (size_t)i;
+            sheet->lit[texel] = look_up(lookup, sheet, texel, i, list[k].row);
         }
-        share = passes(lookup, at[0], at[1], at[2]);
-        if (row->incoming && row->incoming[i] - h > lookup->low && row->incoming[i] - h < lookup->high)
-            share = 0;
-        row->lit[i] = (uint8_t)(255 * share + 0.5f);
     }
 }

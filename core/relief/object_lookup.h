@@ -5,6 +5,8 @@
 
 #include <stdint.h>
 
+#include "core/relief/lighting.h"
+
 struct sv_relief_lookup {
     float at[3][4];     /* column, row (less half a pixel) and depth in the map by u, v, displ, 1 */
     float offset[3][3]; /* what is added to them by the normal's parts (* 32767) */
@@ -14,19 +16,21 @@ struct sv_relief_lookup {
     float low, high; /* incoming - displ between these: a crevice */
 };
 
-/* Texels first .. n - 1 of row j; pointers to texel 0. incoming: row front, or NULL. lit: share of sunlight *
- * 255; 0 for empty texels. */
-struct sv_relief_lookup_row {
+/* A sheet; pointers to texel 0. incoming: row front, or NULL. lit: share of sunlight * 255; 0 for empty
+ * texels. */
+struct sv_relief_lookup_sheet {
+    int width;
     const int16_t *normal[3];
     const float *displ, *incoming;
     const uint8_t (*color)[4];
-    int row, first, n;
     uint8_t *lit;
 };
 
-void sv_relief_lookup_scalar(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_row *row,
-                             int from);
-/* Whole groups of eight, the same bits; returns where it stopped. */
-int sv_relief_lookup_avx2(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_row *row);
+void sv_relief_lookup_scalar(const struct sv_relief_lookup *lookup,
+                             const struct sv_relief_lookup_sheet *sheet, const struct sv_relief_eight *list,
+                             int count);
+/* The same bits, of a sheet at least eight texels wide. */
+void sv_relief_lookup_avx2(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_sheet *sheet,
+                           const struct sv_relief_eight *list, int count);
 
 #endif

@@ -53,36 +53,42 @@ static inline __m256 passes(const struct sv_relief_lookup *map, __m256 x, __m256
     return _mm256_blendv_ps(one, share, in);
 }
 
-int sv_relief_lookup_avx2(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_row *row)
+/* Texels i .. i + 7 of the sheet, of which `turned` turn to the sun. */
+static inline void look_up8(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_sheet *sheet,
+                            struct sv_relief_eight eight, size_t i, const __m256 n[3], __m256 turned)
 {
-    int i = row->first;
-    for (; i + 8 <= row->n; i += 8) {
-        __m256i color = _mm256_loadu_si256((const __m256i *)(const void *)(row->color + i));
-        const __m256 n[3] = {load_part(row->normal[0] + i), load_part(row->normal[1] + i),
-                             load_part(row->normal[2] + i)};
+    __m256 h = _mm256_loadu_ps(sheet->displ + i), at[3];
+    __m256 u = _mm256_add_ps(splat((float)eight.column + 0.5f), _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7));
+    for (int k = 0; k < 3; k++) {
+        const float *m = lookup->at[k];
+        __m256 sum = madd(splat(m[3] + m[1] * ((float)eight.row + 0.5f)), u, m[0]);
+        at[k] = _mm256_add_ps(madd(sum, h, m[2]), dot(n, lookup->offset[k]));
+    }
+    __m256 share = _mm256_and_ps(passes(lookup, at[0], at[1], at[2]), turned);
+    if (sheet->incoming) {
+        __m256 under = _mm256_sub_ps(_mm256_loadu_ps(sheet->incoming + i), h);
+        __m256 crevice = _mm256_and_ps(_mm256_cmp_ps(under, splat(lookup->low), _CMP_GT_OQ),
+                                       _mm256_cmp_ps(under, splat(lookup->high), _CMP_LT_OQ));
+        share = _mm256_andnot_ps(crevice, share);
+    }
+    __m256i level = _mm256_cvttps_epi32(_mm256_add_ps(_mm256_mul_ps(splat(255), share), splat(0.5f)));
+    __m128i words = _mm_packus_epi32(_mm256_castsi256_si128(level), _mm256_extracti128_si256(level, 1));
+    _mm_storel_epi64((__m128i *)(void *)(sheet->lit + i), _mm_packus_epi16(words, words));
+}
+
+void sv_relief_lookup_avx2(const struct sv_relief_lookup *lookup, const struct sv_relief_lookup_sheet *sheet,
+                           const struct sv_relief_eight *list, int count)
+{
+    for (int k = 0; k < count; k++) {
+        size_t i = (size_t)list[k].row * (size_t)sheet->width + (size_t)list[k].column;
+        __m256i color = _mm256_loadu_si256((const __m256i *)(const void *)(sheet->color + i));
+        const __m256 n[3] = {load_part(sheet->normal[0] + i), load_part(sheet->normal[1] + i),
+                             load_part(sheet->normal[2] + i)};
         __m256 turned = _mm256_cmp_ps(dot(n, lookup->sun), _mm256_setzero_ps(), _CMP_GT_OQ);
         turned = _mm256_and_ps(turned, _mm256_castsi256_ps(_mm256_srai_epi32(color, 31)));
-        if (!_mm256_movemask_ps(turned)) {
-            _mm_storel_epi64((__m128i *)(void *)(row->lit + i), _mm_setzero_si128());
-            continue;
-        }
-        __m256 h = _mm256_loadu_ps(row->displ + i), at[3];
-        __m256 u = _mm256_add_ps(splat((float)i + 0.5f), _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7));
-        for (int k = 0; k < 3; k++) {
-            const float *m = lookup->at[k];
-            __m256 sum = madd(splat(m[3] + m[1] * ((float)row->row + 0.5f)), u, m[0]);
-            at[k] = _mm256_add_ps(madd(sum, h, m[2]), dot(n, lookup->offset[k]));
-        }
-        __m256 share = _mm256_and_ps(passes(lookup, at[0], at[1], at[2]), turned);
-        if (row->incoming) {
-            __m256 under = _mm256_sub_ps(_mm256_loadu_ps(row->incoming + i), h);
-            __m256 crevice = _mm256_and_ps(_mm256_cmp_ps(under, splat(lookup->low), _CMP_GT_OQ),
-                                           _mm256_cmp_ps(under, splat(lookup->high), _CMP_LT_OQ));
-            share = _mm256_andnot_ps(crevice, share);
-        }
-        __m256i level = _mm256_cvttps_epi32(_mm256_add_ps(_mm256_mul_ps(splat(255), share), splat(0.5f)));
-        __m128i words = _mm_packus_epi32(_mm256_castsi256_si128(level), _mm256_extracti128_si256(level, 1));
-        _mm_storel_epi64((__m128i *)(void *)(row->lit + i), _mm_packus_epi16(words, words));
+        if (_mm256_movemask_ps(turned))
+            look_up8(lookup, sheet, list[k], i, n, turned);
+        else
+            _mm_storel_epi64((__m128i *)(void *)(sheet->lit + i), _mm_setzero_si128());
     }
-    return i;
 }

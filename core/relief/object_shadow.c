@@ -2,7 +2,7 @@
  *
  * Row front (default). The six faces are parts of one body, so steps (2) and (3) of 3.3.2 are taken for all
  * of them at once: what of the body faces the light is pre-warped along the light onto one plane square to
- * it, by the same splat that draws pictures, with its depth: the silhouette and the heights that it hands
+ * it, with its depth (object_casters.h): the silhouette and the heights that it hands
  * over. A texel looks itself up there, moved off its surface by OFFSET_TEXELS along its normal, so that the
  * copy of itself in another face (or its own neighbours) cannot shade it; four comparisons are mixed. What is
  * nearer than that offset the face's own row front (3.3.1, row_front.h) adds: crevices. Deeper shadow of the
@@ -18,8 +18,8 @@
 
 #include "core/base/simd.h"
 #include "core/relief/cast.h"
+#include "core/relief/object_casters.h"
 #include "core/relief/object_lookup.h"
-#include "core/relief/object_splat.h"
 #include "core/relief/row_front.h"
 #include "core/relief/self_shadow.h"
 
@@ -29,111 +29,13 @@
 #define CREVICE_MIN 0.75
 #define CREVICE_MAX 3.0
 
-/* A face at half its resolution: enough for what it casts, at a quarter of the cost. Texel (i, j) is the
- * face's (2 i, 2 j). */
-struct caster {
-    struct sv_relief_frame frame; /* model space */
-    int width, height;
-    float *displ;
-    uint8_t (*color)[4];
-    int16_t *normal[3];
-    uint8_t *rims;
-    float cut;
-};
-
 struct sv_relief_shade {
     const struct sv_relief_object *object;
-    struct caster caster[SV_RELIEF_FACES];
-    void *casters;                /* their arrays */
-    struct sv_warp_buffer map;    /* depth: 1 at the light's side of the body, 0 on the other */
-    float *incoming;              /* of one face */
-    struct sv_relief_span *spans; /* room */
+    struct sv_relief_casters casters;
+    int side;        /* of the map, px */
+    float *depth;    /* of the map: 1 at the light's side of the body, 0 on the other */
+    float *incoming; /* of one face */
 };
-
-static bool kept(const struct sv_relief_object *object, int face, int i, int j)
-{
-    const struct sv_relief *r = &object->face[face];
-    size_t k = (size_t)j * (size_t)r->width + (size_t)i;
-    return i < r->width && j < r->height && object->keep[face][k] && sv_relief_solid(r, k);
-}
-
-/* What a cell of a caster is: full, or a rim where the face itself has one. */
-static uint8_t cell_of(const struct sv_relief_object *object, int face, const struct caster *c, int i, int j)
-{
-    const struct sv_relief *r = &object->face[face];
-    bool full = true;
-    float t[4] = {0, 0, 0, 0};
-    for (int k = 0; k < 4; k++) {
-        int x = i + (k & 1), y = j + (k >> 1);
-        size_t at = (size_t)y * (size_t)c->width + (size_t)x;
-        full = full && x >= 0 && y >= 0 && x < c->width && y < c->height && c->color[at][3];
-        t[k] = full ? c->displ[at] : 0;
-    }
-    if (full && fabsf(t[0] - t[1]) <= c->cut && fabsf(t[2] - t[3]) <= c->cut &&
-        fabsf(t[0] - t[2]) <= c->cut && fabsf(t[1] - t[3]) <= c->cut)
-        return SV_RELIEF_CELL_FULL;
-    for (int y = 2 * j + 1; y <= 2 * j + 2; y++) /* cells of the face have their upper left texel one less */
-        for (int x = 2 * i + 1; x <= 2 * i + 2; x++)
-            if (x >= 0 && y >= 0 && x <= r->width && y <= r->height &&
-                object->rims[face][(size_t)y * (size_t)(r->width + 1) + (size_t)x] == SV_RELIEF_CELL_RIM)
-                return SV_RELIEF_CELL_RIM;
-    return SV_RELIEF_CELL_SPARE;
-}
-
-static void fill_caster(const struct sv_relief_object *object, int face, struct caster *c)
-{
-    const struct sv_relief *r = &object->face[face];
-    c->cut = 2 * r->cut;
-    c->frame = r->frame;
-    c->frame.a = sv_scale(r->frame.a, 2);
-    c->frame.b = sv_scale(r->frame.b, 2);
-    c->frame.origin = sv_madd(sv_madd(r->frame.origin, r->frame.a, -0.5), r->frame.b, -0.5);
-    for (int j = 0; j < c->height; j++)
-        for (int i = 0; i < c->width; i++) {
-            size_t to = (size_t)j * (size_t)c->width + (size_t)i;
-            size_t from = (size_t)(2 * j) * (size_t)r->width + (size_t)(2 * i);
-            bool any = kept(object, face, 2 * i, 2 * j) || kept(object, face, 2 * i + 1, 2 * j) ||
-                       kept(object, face, 2 * i, 2 * j + 1) || kept(object, face, 2 * i + 1, 2 * j + 1);
-            c->displ[to] = r->displ[from];
-            memset(c->color[to], any && sv_relief_solid(r, from) ? 255 : 0, 4);
-            for (int k = 0; k < 3; k++)
-                c->normal[k][to] = r->normal[from][k];
-        }
-    for (int j = -1; j < c->height; j++)
-        for (int i = -1; i < c->width; i++)
-            c->rims[(size_t)(j + 1) * (size_t)(c->width + 1) + (size_t)(i + 1)] =
-                cell_of(object, face, c, i, j);
-}
-
-enum { CASTER_BYTES = sizeof(float) + 4 + 3 * sizeof(int16_t) }; /* a texel, without its cell */
-
-static bool make_casters(struct sv_relief_shade *shade)
-{
-    size_t bytes = 0, texels, cells;
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        struct caster *c = &shade->caster[k];
-        c->width = (shade->object->face[k].width + 1) / 2;
-        c->height = (shade->object->face[k].height + 1) / 2;
-        texels = (size_t)c->width * (size_t)c->height;
-        cells = (size_t)(c->width + 1) * (size_t)(c->height + 1);
-        bytes += (texels * CASTER_BYTES + cells + SV_RELIEF_RIMS_SLACK + 15) / 16 * 16;
-    }
-    uint8_t *at = shade->casters = malloc(bytes);
-    for (int k = 0; at && k < SV_RELIEF_FACES; k++) {
-        struct caster *c = &shade->caster[k];
-        texels = (size_t)c->width * (size_t)c->height;
-        cells = (size_t)(c->width + 1) * (size_t)(c->height + 1);
-        c->displ = (float *)(void *)at;
-        c->color = (uint8_t(*)[4])(void *)(c->displ + texels);
-        c->normal[0] = (int16_t *)(void *)(c->color + texels);
-        c->normal[1] = c->normal[0] + texels;
-        c->normal[2] = c->normal[1] + texels;
-        c->rims = (uint8_t *)(c->normal[2] + texels);
-        fill_caster(shade->object, k, c);
-        at += (texels * CASTER_BYTES + cells + SV_RELIEF_RIMS_SLACK + 15) / 16 * 16;
-    }
-    return shade->casters != NULL;
-}
 
 /* Side of the map: the box's diagonal in texels, and a free pixel on each side. */
 static int map_side(const struct sv_relief_object *object)
@@ -152,19 +54,17 @@ enum sv_status sv_relief_shade_create(const struct sv_relief_object *object, str
         size_t texels = (size_t)r->width * (size_t)r->height;
         largest = texels > largest ? texels : largest;
     }
-    float *incoming = malloc(largest * sizeof *incoming);
-    struct sv_relief_span *spans = malloc((size_t)sv_relief_object_spans_max(object) * sizeof *spans);
-    if (!made || !incoming || !spans) {
-        free(made);
-        free(spans);
-        free(incoming);
+    if (!made)
         return sv_fail(error, SV_ENOMEM, "shade", "no memory for shadows of %zu texels", largest);
-    }
-    *made = (struct sv_relief_shade){.object = object, .incoming = incoming, .spans = spans};
-    int side = map_side(object);
-    enum sv_status status = sv_warp_buffer_create(side, side, &made->map, error);
-    if (status == SV_OK && !make_casters(made))
-        status = sv_fail(error, SV_ENOMEM, "shade", "no memory for casters of %zu texels", largest);
+    made->object = object;
+    made->side = map_side(object);
+    made->incoming = malloc(largest * sizeof *made->incoming);
+    made->depth = malloc((size_t)made->side * (size_t)made->side * sizeof *made->depth);
+    enum sv_status status = SV_OK;
+    if (!made->incoming || !made->depth)
+        status = sv_fail(error, SV_ENOMEM, "shade", "no memory for shadows of %zu texels", largest);
+    if (status == SV_OK)
+        status = sv_relief_casters_init(object, &made->casters, error);
     if (status == SV_OK)
         *shade = made;
     else
@@ -176,11 +76,9 @@ void sv_relief_shade_destroy(struct sv_relief_shade *shade)
 {
     if (!shade)
         return;
-    if (shade->map.depth)
-        sv_warp_buffer_finish(&shade->map);
+    sv_relief_casters_finish(&shade->casters);
     free(shade->incoming);
-    free(shade->spans);
-    free(shade->casters);
+    free(shade->depth);
     free(shade);
 }
 
@@ -217,42 +115,25 @@ static void along(const struct sv_relief_frame *f, struct sv_vec3 axis, double a
     row[3] = sv_dot(axis, f->origin) + at;
 }
 
-/* The block of texels of a caster that may face the light: one, as rows beside it cost more than what faces
- * away in it. False: none does. */
-static bool caster_span(const struct sv_relief_shade *shade, int face, struct sv_vec3 to_sun,
-                        struct sv_relief_span *all)
+static void draw_map(const struct sv_relief_shade *shade, const struct light_view *view)
 {
-    const struct sv_relief_span *s = shade->spans;
-    int count = sv_relief_object_spans(shade->object, face, to_sun, false, shade->spans);
-    for (int k = 0; k < count; k++, s++) {
-        all->row0 = k > 0 && all->row0 < s->row0 / 2 ? all->row0 : s->row0 / 2;
-        all->row1 = k > 0 && all->row1 > (s->row1 + 1) / 2 ? all->row1 : (s->row1 + 1) / 2;
-        all->column0 = k > 0 && all->column0 < s->column0 / 2 ? all->column0 : s->column0 / 2;
-        all->column1 = k > 0 && all->column1 > (s->column1 + 1) / 2 ? all->column1 : (s->column1 + 1) / 2;
-    }
-    return count > 0;
-}
-
-static void draw_map(struct sv_relief_shade *shade, const struct light_view *view, struct sv_vec3 to_sun)
-{
-    struct sv_warp_stats stats = {0};
-    sv_warp_clear(&shade->map);
-    for (int k = 0; k < SV_RELIEF_FACES; k++) {
-        const struct caster *c = &shade->caster[k];
-        struct sv_vec3 sun = in_frame(&c->frame, to_sun);
-        struct sv_relief_facing facing = {.normal = {c->normal[0], c->normal[1], c->normal[2]},
-                                          .eye = {(float)sun.x, (float)sun.y, (float)sun.z}};
-        struct sv_warp_source source = {.width = c->width,
-                                        .height = c->height,
-                                        .t = c->displ,
-                                        .color = (const uint8_t(*)[4])c->color,
-                                        .cut = c->cut};
-        for (int r = 0; r < 3; r++)
-            along(&c->frame, view->axis[r], view->at[r], source.map.m[r]);
-        source.map.m[3][3] = 1;
-        struct sv_relief_span span;
-        if (shade->object->face[k].solid_count && caster_span(shade, k, to_sun, &span))
-            sv_relief_splat(&source, (unsigned)k, c->rims, &facing, &span, 1, &shade->map, &stats);
+    const bool wide = sv_simd_level() >= SV_SIMD_AVX2;
+    memset(shade->depth, 0, (size_t)shade->side * (size_t)shade->side * sizeof *shade->depth);
+    for (int k = 0; k < SV_RELIEF_QUAD_RUNS; k++) {
+        const struct sv_relief_quad_run *run = &shade->casters.run[k];
+        struct sv_relief_map map = {.du = (float)run->du,
+                                    .dv = (float)run->dv,
+                                    .depth = shade->depth,
+                                    .width = shade->side,
+                                    .height = shade->side};
+        for (int r = 0; r < 3; r++) {
+            double m[4];
+            along(&run->frame, view->axis[r], view->at[r], m);
+            for (int c = 0; c < 4; c++) /* u and v are halves of texels */
+                map.at[r][c] = (float)(c < 2 ? 0.5 * m[c] : m[c]);
+        }
+        (wide ? sv_relief_cast_avx2 : sv_relief_cast_scalar)(&map, shade->casters.quads + run->first,
+                                                             run->count);
     }
 }
 
@@ -280,9 +161,9 @@ static void look_up(const struct sv_relief_shade *shade, int k, const struct sv_
 {
     const struct sv_relief_object *object = shade->object;
     double offset = OFFSET_TEXELS * object->texel, pitch = sv_length(sheet->frame.a);
-    struct sv_relief_lookup how = {.depth = shade->map.depth,
-                                   .width = shade->map.width,
-                                   .height = shade->map.height,
+    struct sv_relief_lookup how = {.depth = shade->depth,
+                                   .width = shade->side,
+                                   .height = shade->side,
                                    .low = (float)(CREVICE_MIN * object->texel),
                                    .high = (float)(CREVICE_MAX * object->texel)};
     struct sv_vec3 sun = in_frame(&sheet->frame, to_sun);
@@ -295,20 +176,18 @@ static void look_up(const struct sv_relief_shade *shade, int k, const struct sv_
         for (int c = 0; c < 3; c++)
             how.offset[r][c] = (float)(m[c] * offset / ((c < 2 ? pitch : 1) * 32767));
     }
-    bool wide = sv_simd_level() >= SV_SIMD_AVX2;
-    size_t texels = (size_t)sheet->width * (size_t)sheet->height, stride = ((size_t)sheet->width + 7) / 8;
-    for (int j = 0; j < sheet->height; j++) {
-        size_t at = (size_t)j * (size_t)sheet->width;
-        struct sv_relief_lookup_row row = {.displ = sheet->displ + at,
-                                           .incoming = incoming ? incoming + at : NULL,
-                                           .color = (const uint8_t(*)[4])sheet->color + at,
-                                           .row = j,
-                                           .lit = lit + at};
-        for (int c = 0; c < 3; c++)
-            row.normal[c] = object->normals[k] + (size_t)c * texels + at;
-        while (
-            sv_relief_next_run(groups ? groups + (size_t)j * stride : NULL, sheet->width, &row.first, &row.n))
-            sv_relief_lookup_scalar(&how, &row, wide ? sv_relief_lookup_avx2(&how, &row) : row.first);
+    struct sv_relief_lookup_sheet of = {.width = sheet->width,
+                                        .displ = sheet->displ,
+                                        .incoming = incoming,
+                                        .color = (const uint8_t(*)[4])sheet->color,
+                                        .lit = lit};
+    for (size_t c = 0; c < 3; c++)
+        of.normal[c] = object->normals[k] + c * (size_t)sheet->width * (size_t)sheet->height;
+    bool wide = sheet->width >= 8 && sv_simd_level() >= SV_SIMD_AVX2;
+    struct sv_relief_eight list[SV_RELIEF_LIST_ROOM];
+    for (int row = 0; row < sheet->height;) {
+        int n = sv_relief_list_eights(groups, sheet->width, sheet->height, &row, list);
+        (wide ? sv_relief_lookup_avx2 : sv_relief_lookup_scalar)(&how, &of, list, n);
     }
 }
 
@@ -367,9 +246,9 @@ enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade,
 {
     if (form == SV_RELIEF_SHADOW_LINE_SWEEP)
         return sweep(shade, sheet, to_sun, faces, lit, error);
-    struct light_view view = light_view(shade->object, to_sun, shade->map.width);
+    struct light_view view = light_view(shade->object, to_sun, shade->side);
     enum sv_status status = SV_OK;
-    draw_map(shade, &view, to_sun);
+    draw_map(shade, &view);
     for (int k = 0; status == SV_OK && k < SV_RELIEF_SHEETS; k++) {
         if (!(faces >> k % SV_RELIEF_FACES & 1) || !sheet[k].solid_count)
             continue;

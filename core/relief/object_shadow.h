@@ -13,11 +13,13 @@ SV_MUST_CHECK enum sv_status sv_relief_shade_create(const struct sv_relief_objec
 void sv_relief_shade_destroy(struct sv_relief_shade *shade);
 /* lit[k], width * height of sheet k: share of sunlight * 255, for the faces in the bit set and what is hidden
  * behind them. sheet: of the object, with the colours that are warped (alpha 0 where they are not). to_sun:
- * unit, model space. groups[k]: what is needed of sheet k (lighting.h; NULL: nothing); NULL: all of them. SV_ENOMEM. */
-SV_MUST_CHECK enum sv_status
-sv_relief_shade_light(struct sv_relief_shade *shade, const struct sv_relief sheet[SV_RELIEF_SHEETS],
-                      struct sv_vec3 to_sun, enum sv_relief_shadow_form form, unsigned faces,
-                      const uint8_t *const *groups, uint8_t *const lit[SV_RELIEF_SHEETS],
-                      struct sv_error *error);
+ * unit, model space. groups[k]: what is needed of sheet k (lighting.h; NULL: nothing); NULL: all of them.
+ * SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_relief_shade_light(struct sv_relief_shade *shade,
+                                                   const struct sv_relief sheet[SV_RELIEF_SHEETS],
+                                                   struct sv_vec3 to_sun, enum sv_relief_shadow_form form,
+                                                   unsigned faces, const uint8_t *const *groups,
+                                                   uint8_t *const lit[SV_RELIEF_SHEETS],
+                                                   struct sv_error *error);
 
 #endif

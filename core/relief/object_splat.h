@@ -38,7 +38,7 @@ void sv_relief_splat(const struct sv_warp_source *source, unsigned k, const uint
                      const struct sv_relief_facing *facing, const struct sv_relief_span *spans,
                      int span_count, struct sv_warp_buffer *buffer, struct sv_warp_stats *stats);
 
-/* Which groups of texels (lighting.h, sv_relief_next_run) of `count` sources a picture shows. Of source k:
+/* Which groups of texels (lighting.h, sv_relief_list_eights) of `count` sources a picture shows. Of source k:
  * size, its groups (written), and room for a byte a texel within SV_RELIEF_SEEN_ROOM bytes: cell points
  * width + 1 bytes behind their beginning. Returns a bit a source of which anything is seen. */
 struct sv_relief_seen {

@@ -103,7 +103,22 @@ int sv_relief_draw_waiting_avx2(struct sv_warp_job *job, const struct sv_relief_
 void sv_relief_draw_quarters_avx2(struct sv_warp_job *job, const struct sv_relief_waiting *waiting,
                                   int count);
 
-/* sv_relief_splat at a given level (tests). */
+/* Names of a row's pixels: texel[] << 1 | 1 in a full cell, 0 elsewhere. above: those of the row above, or
+ * NO_NAME; becomes the row's own. Lists the names that are neither those of the pixel above nor of the one to
+ * the left (and perhaps some that are), and returns their number; `names` has room for SLACK more. */
+#define SV_RELIEF_NO_NAME UINT32_MAX
+enum { SV_RELIEF_NAMES_SLACK = 8 };
+int sv_relief_names_scalar(const uint32_t *texel, const uint16_t *place, int count, uint32_t *above,
+                           uint32_t *names);
+int sv_relief_names_avx2(const uint32_t *texel, const uint16_t *place, int count, uint32_t *above,
+                         uint32_t *names);
+/* For groups of eight of a row of `width` cells whether one of them is marked, or one to their left or above;
+ * in whole fours, returns the cell where it stopped. */
+int sv_relief_beside_avx2(const uint8_t *cell, int width, uint8_t *group);
+
+/* sv_relief_find_seen and sv_relief_splat at a given level (tests). */
+uint32_t sv_relief_find_seen_at(enum sv_simd level, const struct sv_warp_buffer *buffer,
+                                const struct sv_relief_seen *seen, unsigned count);
 void sv_relief_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
                         const uint8_t *rims, const struct sv_relief_facing *facing,
                         const struct sv_relief_span *spans, int span_count, struct sv_warp_buffer *buffer,

@@ -81,7 +81,7 @@ static struct sv_relief_tile measure(const struct sv_relief_object *object, int 
     return t;
 }
 
-/* Normals plane by plane, so that a row of them is tested at once. */
+/* Normals and sky occlusion plane by plane: a row of normals is tested at once, without the rest. */
 static bool split_normals(struct sv_relief_object *object)
 {
     size_t texels = 0;
@@ -89,13 +89,13 @@ static bool split_normals(struct sv_relief_object *object)
         const struct sv_relief *r = sv_relief_sheet(object, k);
         texels += r->solid_count ? (size_t)r->width * (size_t)r->height : 0;
     }
-    int16_t *at = malloc((3 * texels + 1) * sizeof *at);
+    int16_t *at = malloc((4 * texels + 1) * sizeof *at);
     free(object->normal_block);
     object->normal_block = at;
     for (int k = 0; at && k < SV_RELIEF_SHEETS; k++) {
         const struct sv_relief *r = sv_relief_sheet(object, k);
         object->normals[k] = r->solid_count ? at : NULL;
-        for (int axis = 0; r->solid_count && axis < 3; axis++)
+        for (int axis = 0; r->solid_count && axis < 4; axis++)
             for (size_t i = 0; i < (size_t)r->width * (size_t)r->height; i++)
                 *at++ = r->normal[i][axis];
     }

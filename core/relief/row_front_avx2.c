@@ -1,5 +1,6 @@
 /* row_front_avx2.c - AVX2 kernels of the row front: the same operations in the same order as the scalar ones
- * in row_front.c, so that every bit agrees (no fused multiply-add). */
+ * in row_front.c, so that every bit agrees (no fused multiply-add). The end of a row is done by eight samples
+ * of which some are done again, to the same end. */
 #include "core/relief/row_front_kernel.h"
 
 #include <immintrin.h>
@@ -13,8 +14,10 @@ static int take_avx2(int count, const float *height, const float *initial, float
     const __m256 sign = _mm256_set1_ps(-0.0f), top = _mm256_set1_ps(-SV_ROW_FRONT_NONE),
                  none = _mm256_set1_ps(SV_ROW_FRONT_NONE), nothing = _mm256_set1_ps(SV_FRONT_VOID);
     __m256 least = top;
-    int i = 0;
-    for (; i + 8 <= count; i += 8) {
+    if (count < 8)
+        return sv_front_scalar.take(count, height, initial, own, shadow, caster);
+    for (int end = 8; end < count + 8; end += 8) {
+        int i = (end < count ? end : count) - 8;
         __m256 h = _mm256_loadu_ps(height + i);
         __m256 real = _mm256_cmp_ps(_mm256_andnot_ps(sign, h), top, _CMP_LT_OQ);
         h = _mm256_blendv_ps(nothing, h, real);
@@ -29,11 +32,7 @@ static int take_avx2(int count, const float *height, const float *initial, float
         }
         least = _mm256_min_ps(least, h);
     }
-    int whole = _mm256_movemask_ps(_mm256_cmp_ps(least, _mm256_set1_ps(SV_FRONT_REAL), _CMP_GT_OQ)) == 0xFF;
-    if (i < count)
-        whole &= sv_front_scalar.take(count - i, height + i, initial ? initial + i : NULL, own + i,
-                                      initial ? shadow + i : NULL, caster + i);
-    return whole;
+    return _mm256_movemask_ps(_mm256_cmp_ps(least, _mm256_set1_ps(SV_FRONT_REAL), _CMP_GT_OQ)) == 0xFF;
 }
 
 static inline __m256 mix(__m256 a, __m256 b, __m256 weight)
@@ -52,14 +51,16 @@ static void cross_avx2(int count, const float *before, const float *after, float
 {
     const __m256 weight = _mm256_set1_ps(t), up = _mm256_set1_ps(lift);
     const float *nearer = t < 0.5f ? before : after;
-    int i = 0;
-    for (; i + 8 <= count; i += 8) {
+    if (count < 8) {
+        sv_front_scalar.cross(count, before, after, t, lift, ray);
+        return;
+    }
+    for (int end = 8; end < count + 8; end += 8) {
+        int i = (end < count ? end : count) - 8;
         __m256 h = between(_mm256_loadu_ps(before + i), _mm256_loadu_ps(after + i), weight,
                            _mm256_loadu_ps(nearer + i));
         _mm256_storeu_ps(ray + i, _mm256_max_ps(_mm256_add_ps(h, up), _mm256_loadu_ps(ray + i)));
     }
-    if (i < count)
-        sv_front_scalar.cross(count - i, before + i, after + i, t, lift, ray + i);
 }
 
 /* Eight samples' lit bytes from a mask of lanes. */
@@ -137,27 +138,17 @@ static inline void row_block(int whole, const struct sv_front_row *row, int i)
 static void row_avx2(const struct sv_front_row *given)
 {
     const struct sv_front_row row = *given; /* a copy that no store can touch */
+    if (row.count < 8) {
+        sv_front_scalar.row(given);
+        return;
+    }
     int i = 0;
     for (; i + 8 <= row.count && (i == 0 || !row.whole); i += 8)
         row_block(0, &row, i);
     for (; i + 9 <= row.count; i += 8)
         row_block(1, &row, i);
-    for (; i + 8 <= row.count; i += 8)
-        row_block(0, &row, i);
-    if (i == row.count)
-        return;
-    struct sv_front_row rest = row;
-    rest.count -= i;
-    rest.own += i;
-    rest.caster += i;
-    rest.before += i;
-    rest.initial = row.initial ? row.initial + i : NULL;
-    rest.ray += i;
-    rest.ray_next += i;
-    rest.height = row.height ? row.height + i : NULL;
-    rest.incoming = row.incoming ? row.incoming + i : NULL;
-    rest.lit = row.lit ? row.lit + i : NULL;
-    sv_front_scalar.row(&rest);
+    if (i < row.count)
+        row_block(0, &row, row.count - 8);
 }
 
 /* 8 x 8 floats across their diagonal. */

@@ -9,10 +9,11 @@
 
 enum { SV_FORM_FACTS_MAX = 8 };
 
-/* One form of a species that is in memory: "polygon", "raycast", "impostor", ... and what it takes there. */
+/* A form that a species can be drawn in: "polygon", "billboard", ... and what it takes in memory, or will. */
 struct sv_form_facts {
     const char *form;
     uint64_t bytes;
+    bool built; /* it is in memory or on disk; false: built when a view first asks for it */
 };
 
 struct sv_species_facts {

@@ -199,28 +199,42 @@ void sv_shadow_pages_drop(struct sv_shadow_pages *pages, uint64_t key, struct sv
     }
 }
 
-/* A body's shadow takes about this much ground; and so many of its texels may be cast. */
-static const double SHADOW_M2 = 100, TEXELS_MOST = 3e7;
-
 static int pages_across(double side_m, int level)
 {
     return (int)fmin(ceil(side_m / (ldexp(SV_SHADOW_PAGE_TEXEL_M, level) * STEP)), 1e4);
 }
 
+/* What a body costs at a level, ns: every page that its shadow might reach looks at it, over as much relief
+ * as the light crosses; small shadows are put down texel by texel, larger ones row by row. Fitted to a
+ * million trees of 6 to 20 m on 4.5 km with 220 m of relief, under suns of 4 and 40 degrees, to a factor of
+ * two on one core of an EPYC. */
+static double body_ns(const struct sv_shadow_scene *scene, int level, int pages)
+{
+    static const double LOOK_NS = 300, STAMP_NS = 50, STAMP_TEXELS = 16, TEXEL_NS = 1.5, BODY_M2 = 100;
+    const struct sv_heightfield *f = scene->field;
+    double rise = fmax(scene->terrain ? scene->terrain->to_sun.z : 1, 0.01),
+           run = sqrt(1 - fmin(rise * rise, 1));
+    double texel = ldexp(SV_SHADOW_PAGE_TEXEL_M, level), texels = BODY_M2 / (rise * texel * texel);
+    double reach = ((double)f->h_max - (double)f->h_min) * run / rise;
+    return LOOK_NS * fmin(1 + reach / (texel * STEP), pages) + STAMP_NS * fmin(texels, STAMP_TEXELS) +
+           TEXEL_NS * texels;
+}
+
 int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters)
 {
     const struct sv_heightfield *f = pages->scene.field;
-    double size_x = (f->width - 1) * f->dx, size_y = (f->height - 1) * f->dy, texels = 0;
+    double size_x = (f->width - 1) * f->dx, size_y = (f->height - 1) * f->dy, ns = 0;
     int level = SV_SHADOW_PAGE_LEVELS - 1, count = 0, finest = sv_shadow_pages_finest(pages);
     for (; level > finest; level--) {
         int w = pages_across(size_x, level - 1), h = pages_across(size_y, level - 1);
-        texels += casters * SHADOW_M2 / pow(ldexp(SV_SHADOW_PAGE_TEXEL_M, level - 1), 2);
-        count += w * h > 1 ? w * h : 0;
-        if (count > SV_SHADOW_PAGES_WHOLE || texels > TEXELS_MOST)
+        if (w * h == 1)
+            continue;
+        ns += casters * body_ns(&pages->scene, level - 1, w * h);
+        count += w * h;
+        if (count > SV_SHADOW_PAGES_WHOLE || ns > 1e9 * SV_SHADOW_PAGES_WHOLE_S)
             break;
-        for (int j = 0; j < h && w * h > 1; j++)
-            for (int i = 0; i < w; i++)
-                (void)sv_shadow_pages_want(pages, level - 1, i, j);
+        for (int k = 0; k < w * h; k++)
+            (void)sv_shadow_pages_want(pages, level - 1, k % w, k / w);
     }
     return level;
 }

@@ -292,6 +292,20 @@ static bool is_side(int side, int most)
     return side >= 4 && side <= most && (side & (side - 1)) == 0;
 }
 
+static struct sv_billboards of_sizes(const struct sv_billboard_options *o, int planes)
+{
+    struct sv_billboards b = {.plane_count = planes, .side = {o->color_side, o->normal_side, o->light_side}};
+    for (int part = 0; part < SV_BILLBOARD_PARTS; part++)
+        b.levels[part] = part == SV_BILLBOARD_LIGHT ? 1 : log2_of(b.side[part]) + 1;
+    b.bytes = total_bytes(&b);
+    return b;
+}
+
+size_t sv_billboards_bytes(const struct sv_billboard_options *options, int planes)
+{
+    return of_sizes(options, planes).bytes;
+}
+
 enum sv_status sv_billboards_bake(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
                                   const struct sv_billboard_options *o, struct sv_billboards *out,
                                   struct sv_error *error)
@@ -302,13 +316,9 @@ enum sv_status sv_billboards_bake(const struct sv_tree_mesh *mesh, const struct 
         return sv_fail(error, SV_EINVAL, "billboards",
                        "sides %d, %d, %d with %d samples are not powers of two in range", o->color_side,
                        o->normal_side, o->light_side, o->samples);
-    struct sv_billboards made = {.plane_count = cloud->plane_count,
-                                 .side = {o->color_side, o->normal_side, o->light_side}};
-    for (int part = 0; part < SV_BILLBOARD_PARTS; part++)
-        made.levels[part] = part == SV_BILLBOARD_LIGHT ? 1 : log2_of(made.side[part]) + 1;
+    struct sv_billboards made = of_sizes(o, cloud->plane_count);
     struct sv_cloud_bake bake = {.plane = -1};
     struct pyramid p;
-    made.bytes = total_bytes(&made);
     made.data = malloc(made.bytes);
     float *scratch = malloc(sizeof(float) * (size_t)o->color_side * (size_t)o->color_side);
     enum sv_status status = pyramid_init(&p, o->color_side, error);

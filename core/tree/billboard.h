@@ -48,6 +48,8 @@ SV_MUST_CHECK enum sv_status sv_billboards_bake(const struct sv_tree_mesh *mesh,
                                                 const struct sv_billboard_options *options,
                                                 struct sv_billboards *billboards, struct sv_error *error);
 void sv_billboards_finish(struct sv_billboards *billboards); /* legal on a zeroed one */
+/* Bytes of the textures that a bake of legal options makes, mip levels included. */
+size_t sv_billboards_bytes(const struct sv_billboard_options *options, int planes);
 
 /* All planes' pictures of a level, plane after plane; *bytes of one plane. COLOR: DXT5 blocks; NORMAL: RGBA8,
  * 127.5 + 127.5 n and occlusion; LIGHT: RGBA8, 127.5 + 127.5 slope along the model's axes, and mean. */

@@ -189,6 +189,48 @@ static void shrink(struct sv_density_levels *levels, int level, int x, int y)
             (uint8_t)((color[3] > 0 ? normal[c] / color[3] : 0.25f * plain[c]) + 0.5f);
 }
 
+/* Mean over `width` texels about texel k of `side`, `stride` apart; the edges mirror, so that nothing is
+ * lost.
+ */
+static void mean_along(const uint8_t *row, size_t stride, int side, int k, float width, float out[4])
+{
+    float half = 0.5f * (width - 1);
+    int reach = (int)ceilf(half);
+    memset(out, 0, 4 * sizeof *out);
+    for (int i = -reach; i <= reach; i++) {
+        int at = k + i < 0 ? -1 - k - i : k + i >= side ? 2 * side - 1 - k - i : k + i;
+        float w = fminf(1, half + 1 - (float)abs(i)) / width;
+        const uint8_t *p = row + (size_t)at * stride;
+        for (int c = 0; c < 3; c++)
+            out[c] += w * sv_linear_from_srgb8[p[c]];
+        out[3] += w * (float)p[3];
+    }
+}
+
+/* A slender plane's part of a level of colour (density.h). */
+static void widen(const struct sv_density_plane *plane, int index, int level, uint8_t *albedo)
+{
+    int side = SV_DENSITY_TILE >> level;
+    bool tall = plane->slender < 1;
+    float width = fminf(sqrtf(tall ? 1 / plane->slender : plane->slender), (float)side);
+    size_t row = 4 * ((size_t)SV_DENSITY_WIDTH >> level), stride = tall ? 4 : row, other = tall ? row : 4;
+    uint8_t *corner = albedo + (size_t)(index / SV_DENSITY_COLUMNS * side) * row +
+                      4 * (size_t)(index % SV_DENSITY_COLUMNS * side),
+            line[SV_DENSITY_TILE][4];
+    for (int j = 0; j < side && width > 1; j++) {
+        uint8_t *at = corner + (size_t)j * other;
+        for (int k = 0; k < side; k++) {
+            float mean[4];
+            mean_along(at, stride, side, k, width, mean);
+            for (int c = 0; c < 3; c++)
+                line[k][c] = sv_srgb8_from_linear(mean[c]);
+            line[k][3] = (uint8_t)(mean[3] + 0.5f);
+        }
+        for (int k = 0; k < side; k++)
+            memcpy(at + (size_t)k * stride, line[k], 4);
+    }
+}
+
 void sv_density_levels_finish(struct sv_density_levels *levels)
 {
     free(levels->albedo[0]); /* one block each */
@@ -220,6 +262,9 @@ enum sv_status sv_density_levels_init(const struct sv_density *density, struct s
     }
     for (int k = 0; k < SV_DENSITY_LEVELS; k++)
         put_occlusion(density, k, made.normal[k]);
+    for (int k = 1; k < SV_DENSITY_LEVELS; k++)
+        for (int p = 0; p < density->plane_count; p++)
+            widen(&density->planes[p], p, k, made.albedo[k]);
     free(rgba);
     *levels = made;
     return SV_OK;

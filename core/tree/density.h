@@ -14,7 +14,7 @@
  * texel that is covered; R, G = x, y of the mean normal; B = tone, the place on a line through
  * three colours of the species: its bark, its dark and its bright leaves. Texels that show nothing carry
  * their block's mean, so that they spoil no other; mip levels are made when it is loaded (sv_density_levels).
- * Detail beyond a texel comes from the leaf's own texture when drawn (leaf_litter.h).
+ * How sharp they are drawn is measured for each species (density_tune.c).
  *
  * Light: sky occlusion and openness to the sun (mesh.h) vary slowly over a crown; each plane has them as
  * quadratic functions of its place, in both kinds. Frames: x right, y up on the plane, -1 .. 1 over its
@@ -35,14 +35,16 @@ enum {
     SV_DENSITY_HEIGHT = SV_DENSITY_ROWS * SV_DENSITY_TILE,
     SV_DENSITY_FILE_BYTES = SV_DENSITY_WIDTH * SV_DENSITY_HEIGHT + 128,
     SV_DENSITY_LEVELS = 8, /* mip levels: the last one has one texel a plane */
+    SV_DENSITY_SCALES = 6, /* levels of detail FIRST, FIRST + 1, ...: how near a tree is, about */
+    SV_DENSITY_SCALE_FIRST = -1,
 };
 
 /* Tone of the darkest leaf; below it lies what shows wood as well. */
 #define SV_DENSITY_TONE_DARK 0.4f
 
 /* Kinds of the blobs in the store; digits are raised whenever what is built changes. */
-#define SV_DENSITY_PAPER_KIND "densitypaper4"
-#define SV_DENSITY_PLAIN_KIND "density4"
+#define SV_DENSITY_PAPER_KIND "densitypaper6"
+#define SV_DENSITY_PLAIN_KIND "density6"
 
 enum sv_density_kind { SV_DENSITY_PAPER, SV_DENSITY_PLAIN, SV_DENSITY_KIND_COUNT };
 
@@ -56,7 +58,7 @@ struct sv_density_plane {
     struct sv_density_quadratic occlusion, open[4]; /* mesh.h; slope along the model's axes, mean; / 127 */
     float scatter[6]; /* mean |n.l| of what it shows, for unit l in the plane's axes: as sv_impostor_frame */
     float length;     /* mean length of a texel's mean normal, 0..1 */
-    float reserved;
+    float slender;    /* width of its rectangle over height */
 };
 
 /* The leaf that most of the crown's leaf area is made of: where its picture lies. */
@@ -73,7 +75,8 @@ struct sv_density {
     float period_min, period_max;      /* px: what codes 1 and 254 stand for (PAPER) */
     float wood[3], dark[3], bright[3]; /* linear colours of tones 0, SV_DENSITY_TONE_DARK and 1 */
     float translucency[4];             /* of colour c (linear): c . [0..2] + [3], to be held in 0..1 */
-    float finer; /* added to the level of detail (PLAIN): 0 or less, mostly (density_tune.c) */
+    float
+        finer[SV_DENSITY_SCALES]; /* added to levels of detail (PLAIN): 0 or less, mostly (density_tune.c) */
     struct sv_density_leaf leaf;
     struct sv_density_plane planes[SV_DENSITY_PLANES_MAX];
     uint8_t *file; /* heap, SV_DENSITY_FILE_BYTES: the DDS file */
@@ -103,12 +106,17 @@ float sv_density_log_period(uint8_t code, float least, float most);
 
 /* Linear colour of a tone, 0..1 (PLAIN). */
 void sv_density_color(const struct sv_density *density, float tone, float rgb[3]);
+/* What is added to a level of detail (PLAIN): linear between scales, and held beyond them. */
+float sv_density_finer(const struct sv_density *density, float lod);
 /* The texels of the file, WIDTH x HEIGHT x 4, row 0 at the top, into rgba. */
 void sv_density_texels(const struct sv_density *density, uint8_t *rgba);
 
 /* What PLAIN is drawn from, heap, level after level, level k WIDTH >> k by HEIGHT >> k: colour, premultiplied
  * by coverage and in sRGB code, with coverage; mean normal in the plane's axes as 127.5 + 127.5 m, and
- * occlusion. Means by coverage; empty texels continue what is near. No level mixes two planes. */
+ * occlusion. Means by coverage; empty texels continue what is near. No level mixes two planes. Levels are
+ * chosen by areas (tree_density.frag); so that pixels do not miss what stands upright on slender planes,
+ * trunks, colour and coverage of levels above 0 are means over as many texels along a plane's narrow side as
+ * a pixel has there then: the root of the ratio of its sides. */
 struct sv_density_levels {
     uint8_t *albedo[SV_DENSITY_LEVELS], *normal[SV_DENSITY_LEVELS];
 };

@@ -49,12 +49,14 @@ struct sv_density_look {
 };
 
 /* Twin of tree_density.frag at (s, t) of a plane's rectangle, lod the level that the shader works out (log2
- * of texels a pixel, LOD_BIAS added); sharp: sv_density_sharp_scale. */
+ * of texels a pixel, sv_density_finer added); sharp: sv_density_sharp_scale. */
 void sv_density_plain_look(const struct sv_density *density, const struct sv_density_levels *levels,
                            float sharp, int plane, float s, float t, float lod, struct sv_density_look *look);
-/* Its coverage and colour alone. */
+/* Its coverage and colour alone; and normal and occlusion. */
 float sv_density_plain_cover(const struct sv_density_levels *levels, float sharp, int plane, float s, float t,
                              float lod, float rgb[3]);
+void sv_density_plain_normal(const struct sv_density_levels *levels, int plane, float s, float t, float lod,
+                             float normal[4]);
 /* Twin of tree_density_paper.frag; texels: sv_density_texels; per_px: pixels of the UV texture a pixel of the
  * picture, along s and t. */
 void sv_density_paper_look(const struct sv_density *density, const uint8_t *texels,

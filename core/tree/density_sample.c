@@ -99,15 +99,17 @@ static void solve(const double m[TERMS][TERMS], const double right[TERMS], doubl
     }
 }
 
-static void finish_plane(struct sums *sums, struct sv_density_plane *plane)
+static void finish_plane(struct sums *sums, const struct sv_cloud_plane *of, struct sv_density_plane *plane)
 {
     double x[TERMS];
-    *plane = (struct sv_density_plane){.length = 1};
-    for (int c = 0; c < 6; c++) /* |c| = 3/16 + 15/16 c^2 + ...: as impostor_bake.c has it */
+    *plane = (struct sv_density_plane){.length = 1, .slender = 1};
+    for (int c = 0; c < 6; c++) /* |c| = 3/16 + 15/16 c^2 + ...: as impostor_frame.c has it */
         plane->scatter[c] =
             (c < 3 ? 3.0f / 16 : 0) + (sums->weight > 0 ? (float)(15.0 / 16 * sums->square[c] / sums->weight)
                                        : c < 3          ? 5.0f / 16
                                                         : 0);
+    if (of->half[0] > 0 && of->half[1] > 0)
+        plane->slender = fminf(fmaxf(of->half[0] / of->half[1], 1.0f / SV_DENSITY_TILE), SV_DENSITY_TILE);
     if (!(sums->covered > 0))
         return;
     plane->length = (float)(sums->length / sums->covered);
@@ -148,7 +150,7 @@ enum sv_status sv_density_sample_plane(struct sv_density_work *work, int plane, 
     for (int j = 0; j < SV_DENSITY_TILE; j++)
         for (int i = 0; i < SV_DENSITY_TILE; i++)
             sample_cell(work, plane, i, j, &sums);
-    finish_plane(&sums, &work->out->planes[plane]);
+    finish_plane(&sums, &work->cloud->planes[plane], &work->out->planes[plane]);
     return SV_OK;
 }
 
@@ -188,7 +190,7 @@ static float kept_share(const struct sv_raster_texture *t, const float lo[2], co
             int x = (int)((u - floorf(u)) * (float)t->width), y = (int)((v - floorf(v)) * (float)t->height);
             x = x < t->width ? x : t->width - 1;
             y = y < t->height ? y : t->height - 1;
-            kept += t->mask[(size_t)y * (size_t)t->width + (size_t)x];
+            kept += sv_raster_texture_keeps(t, x, y);
         }
     return (float)kept / (SIDE * SIDE);
 }

@@ -15,13 +15,13 @@ enum { BYTE_ORDER_MARK = 0x01020304 };
 struct head {
     char magic[8];
     uint32_t byte_order, kind, plane_count, reserved;
-    float period_min, period_max, wood[3], dark[3], bright[3], translucency[4], finer;
+    float period_min, period_max, wood[3], dark[3], bright[3], translucency[4], finer[SV_DENSITY_SCALES];
     struct sv_density_leaf leaf;
     struct sv_density_plane planes[SV_DENSITY_PLANES_MAX];
 };
 
 _Static_assert(sizeof(struct sv_density_plane) == 38 * 4 && sizeof(struct sv_density_leaf) == 8 * 4 &&
-                   sizeof(struct head) == 24 + 16 * 4 + 8 * 4 + SV_DENSITY_PLANES_MAX * 38 * 4,
+                   sizeof(struct head) == 24 + 21 * 4 + 8 * 4 + SV_DENSITY_PLANES_MAX * 38 * 4,
                "the saved block has no padding");
 
 enum sv_status sv_density_save(const struct sv_density *density, void **data, size_t *bytes,
@@ -35,13 +35,13 @@ enum sv_status sv_density_save(const struct sv_density *density, void **data, si
                        .plane_count = (uint32_t)density->plane_count,
                        .period_min = density->period_min,
                        .period_max = density->period_max,
-                       .finer = density->finer,
                        .leaf = density->leaf};
     memcpy(h->magic, MAGIC, sizeof MAGIC);
     memcpy(h->wood, density->wood, sizeof h->wood);
     memcpy(h->dark, density->dark, sizeof h->dark);
     memcpy(h->bright, density->bright, sizeof h->bright);
     memcpy(h->translucency, density->translucency, sizeof h->translucency);
+    memcpy(h->finer, density->finer, sizeof h->finer);
     memcpy(h->planes, density->planes, sizeof h->planes);
     memcpy(h + 1, density->file, SV_DENSITY_FILE_BYTES);
     *data = h;
@@ -64,8 +64,8 @@ static enum sv_status check(const struct head *h, struct sv_error *error)
         return sv_fail(error, SV_EFORMAT, "density", "not a density texture of this version and machine");
     if (h->kind >= SV_DENSITY_KIND_COUNT || h->plane_count > SV_DENSITY_PLANES_MAX)
         return sv_fail(error, SV_EFORMAT, "density", "kind %u, %u planes", h->kind, h->plane_count);
-    if (!sound(&h->finer, sizeof h->finer, -8, 8))
-        return sv_fail(error, SV_EFORMAT, "density.finer", "%g is out of range", (double)h->finer);
+    if (!sound(h->finer, sizeof h->finer, -8, 8))
+        return sv_fail(error, SV_EFORMAT, "density.finer", "a scale is out of range");
     if (!sound(&h->period_min, 2 * sizeof(float), 0.5f, 1e4f) || h->period_min > h->period_max)
         return sv_fail(error, SV_EFORMAT, "density.period", "%g to %g", (double)h->period_min,
                        (double)h->period_max);
@@ -105,7 +105,6 @@ enum sv_status sv_density_load(const void *data, size_t bytes, struct sv_density
                               .plane_count = (int)h.plane_count,
                               .period_min = h.period_min,
                               .period_max = h.period_max,
-                              .finer = h.finer,
                               .leaf = h.leaf,
                               .file = malloc(SV_DENSITY_FILE_BYTES)};
     if (!made.file)
@@ -114,6 +113,7 @@ enum sv_status sv_density_load(const void *data, size_t bytes, struct sv_density
     memcpy(made.dark, h.dark, sizeof h.dark);
     memcpy(made.bright, h.bright, sizeof h.bright);
     memcpy(made.translucency, h.translucency, sizeof h.translucency);
+    memcpy(made.finer, h.finer, sizeof h.finer);
     memcpy(made.planes, h.planes, sizeof h.planes);
     memcpy(made.file, file, SV_DENSITY_FILE_BYTES);
     *density = made;

@@ -93,11 +93,27 @@ float sv_density_plain_cover(const struct sv_density_levels *levels, float sharp
     return coverage < 1.0f / 128 ? 0 : coverage;
 }
 
-void sv_density_plain_look(const struct sv_density *density, const struct sv_density_levels *levels,
-                           float sharp, int plane, float s, float t, float lod, struct sv_density_look *look)
+void sv_density_plain_normal(const struct sv_density_levels *levels, int plane, float s, float t, float lod,
+                             float normal[4])
 {
     int level = level_of(lod, SV_DENSITY_LEVELS - 1);
     struct sampler normals = tile(levels->normal[level], level, plane, false);
+    bilinear(&normals, s, t, normal);
+    for (int c = 0; c < 3; c++)
+        normal[c] = normal[c] * 2 - 1;
+}
+
+float sv_density_finer(const struct sv_density *density, float lod)
+{
+    float at = fminf(fmaxf(lod - (float)SV_DENSITY_SCALE_FIRST, 0), SV_DENSITY_SCALES - 1), sum = 0;
+    for (int k = 0; k < SV_DENSITY_SCALES; k++)
+        sum += density->finer[k] * fmaxf(0, 1 - fabsf(at - (float)k));
+    return sum;
+}
+
+void sv_density_plain_look(const struct sv_density *density, const struct sv_density_levels *levels,
+                           float sharp, int plane, float s, float t, float lod, struct sv_density_look *look)
+{
     float g[4];
     *look = (struct sv_density_look){0};
     look->coverage = sv_density_plain_cover(levels, sharp, plane, s, t, lod, look->rgb);
@@ -105,9 +121,8 @@ void sv_density_plain_look(const struct sv_density *density, const struct sv_den
         *look = (struct sv_density_look){0};
         return;
     }
-    bilinear(&normals, s, t, g);
-    for (int c = 0; c < 3; c++)
-        look->normal[c] = g[c] * 2 - 1;
+    sv_density_plain_normal(levels, plane, s, t, lod, g);
+    memcpy(look->normal, g, sizeof look->normal);
     look->occlusion = g[3];
     look->translucency = translucency_of(density, look->rgb);
     set_light(density, plane, s, t, look);

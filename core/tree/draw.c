@@ -10,6 +10,7 @@
 #include "core/tree/draw_cloud.h"
 #include "core/tree/draw_cull.h"
 #include "core/tree/draw_mesh.h"
+#include "core/tree/draw_mesh_upload.h"
 #include "core/tree/ladder.h"
 #include "core/tree/leaf_splat.h"
 #include "core/tree/sprite.h"
@@ -382,18 +383,35 @@ double sv_tree_draw_near_px(const struct sv_tree_draw *draw, int species, double
     return sv_ladder_near_px(&draw->ladders[species], error_px);
 }
 
+static bool is_cloud(enum sv_tree_form form)
+{
+    return form != SV_TREE_FORM_POLYGON && !sv_tree_form_on_canvas(form);
+}
+
+static bool grows(const struct sv_tree_draw *draw, int species)
+{
+    return species >= 0 && species < draw->species_count && draw->given[species].tree_count > 0;
+}
+
+static size_t cloud_bytes(const struct sv_tree_draw *draw, int species, enum sv_cloud_form form)
+{
+    size_t bytes = draw->clouds ? sv_cloud_draw_bytes(draw->clouds, species, form) : 0;
+    return bytes > 0 ? bytes
+                     : sv_cloud_form_bytes(draw->given[species].mesh, form, &SV_CLOUD_OPTIONS_DEFAULT);
+}
+
 size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_tree_form form)
 {
-    if (species < 0 || species >= draw->species_count)
+    if (!grows(draw, species))
         return 0;
     switch (form) {
     case SV_TREE_FORM_POLYGON:
-        return draw->meshes ? sv_mesh_draw_bytes(draw->meshes, species) : 0;
+        return sv_mesh_upload_bytes(draw->given[species].mesh);
     case SV_TREE_FORM_BILLBOARD:
     case SV_TREE_FORM_INDIRECT:
     case SV_TREE_FORM_DENSITY:
     case SV_TREE_FORM_DENSITY_PAPER:
-        return draw->clouds ? sv_cloud_draw_bytes(draw->clouds, species, cloud_form(form)) : 0;
+        return cloud_bytes(draw, species, cloud_form(form));
     case SV_TREE_FORM_COARSE:
         return sv_sprite_draw_bytes(draw->sprites, species);
     case SV_TREE_FORM_LEAF:
@@ -403,6 +421,27 @@ size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_
         break;
     }
     return 0;
+}
+
+bool sv_tree_draw_built(const struct sv_tree_draw *draw, int species, enum sv_tree_form form)
+{
+    if (!grows(draw, species) || !is_cloud(form))
+        return true;
+    if (draw->clouds && sv_cloud_draw_bytes(draw->clouds, species, cloud_form(form)) > 0)
+        return true;
+    return sv_cloud_form_kept(&draw->given[species], cloud_form(form), &SV_CLOUD_OPTIONS_DEFAULT,
+                              draw->store);
+}
+
+enum sv_status sv_tree_draw_build(const struct sv_tree_draw *draw, enum sv_tree_form form,
+                                  struct sv_error *error)
+{
+    enum sv_status status = SV_OK;
+    for (int k = 0; draw->store && k < draw->species_count && !status; k++)
+        if (!sv_tree_draw_built(draw, k, form))
+            status = sv_cloud_form_prepare(&draw->given[k], cloud_form(form), &SV_CLOUD_OPTIONS_DEFAULT,
+                                           draw->store, error);
+    return status;
 }
 
 enum sv_status sv_tree_draw_prepare(const struct sv_tree_draw_species *species, struct sv_store *store,

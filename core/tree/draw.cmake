@@ -5,16 +5,16 @@ target_link_libraries(sv_tree_upload PUBLIC sv_gl sv_tree sv_base)
 add_library(
   sv_tree_draw STATIC
   draw.c draw_cull.c draw_mesh.c ladder.c
-  impostor.c impostor_bake.c impostor_frame.c impostor_guess.c impostor_raster.c least_squares.c
+  impostor.c impostor_frame.c impostor_guess.c impostor_raster.c least_squares.c
   cloud_bake.c cloud_light.c cloud_order.c billboard.c draw_billboard.c
   draw_cloud.c draw_cloud_build.c draw_cloud_form.c
   indirect.c indirect_save.c draw_indirect.c
   density.c density_sample.c density_paper.c density_plain.c density_save.c density_look.c density_twin.c density_tune.c
   draw_density.c
-  shade.c shade_outline.c shade_stand.c shade_cast.c
+  shade.c shade_outline.c shade_stand.c shade_pass.c shade_pass_avx2.c shade_cast.c
   sprite.c sprite_atlas.c sprite_bake.c sprite_setup.c sprite_kernel.c sprite_kernel_avx2.c sprite_resolve.c
   sprite_resolve_avx2.c)
-set_source_files_properties(sprite_kernel_avx2.c sprite_resolve_avx2.c PROPERTIES COMPILE_OPTIONS "${SV_AVX2_OPTIONS}")
+set_source_files_properties(shade_pass_avx2.c sprite_kernel_avx2.c sprite_resolve_avx2.c PROPERTIES COMPILE_OPTIONS "${SV_AVX2_OPTIONS}")
 target_link_libraries(sv_tree_draw PUBLIC sv_leaf_splat sv_tree_upload sv_gl sv_tree sv_dxt sv_base m)
 # Windows of sunlight on the ground, which trees are cast into.
 if(TARGET sv_terrain_shadow)

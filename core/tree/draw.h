@@ -83,8 +83,16 @@ SV_MUST_CHECK enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw
 /* From which height in the picture on, px, trees of a species are leaf splats in AUTO; INFINITY for a species
  * without trees. */
 double sv_tree_draw_near_px(const struct sv_tree_draw *draw, int species, double error_px);
-/* Bytes that a species takes in a form, textures with mip levels; 0 when it is not built. */
+/* Bytes that a species takes in a form, textures with mip levels: as measured once it is built here; before,
+ * by the sizes of what will be built (of billboard clouds the textures alone: planes take 0.6 MB more). 0 for
+ * AUTO and for a species without trees. */
 size_t sv_tree_draw_bytes(const struct sv_tree_draw *draw, int species, enum sv_tree_form form);
+/* Whether nothing is left to be built of the form before it is drawn: it is there, or in the store. */
+bool sv_tree_draw_built(const struct sv_tree_draw *draw, int species, enum sv_tree_form form);
+/* Builds into the store what a form lacks, species by species; no GL, any process, in the background of
+ * drawing too (draw is only read). Without a store it would be lost: nothing is done. */
+SV_MUST_CHECK enum sv_status sv_tree_draw_build(const struct sv_tree_draw *draw, enum sv_tree_form form,
+                                                struct sv_error *error);
 /* Builds into the store what sv_tree_draw_create would build of one species; any process, no GL. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_prepare(const struct sv_tree_draw_species *species,
                                                   struct sv_store *store, struct sv_error *error);

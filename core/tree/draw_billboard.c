@@ -20,6 +20,12 @@ enum sv_status sv_form_billboard_build(const struct sv_tree_mesh *mesh, const st
     return status;
 }
 
+size_t sv_form_billboard_bytes(const struct sv_tree_mesh *mesh, int planes)
+{
+    (void)mesh;
+    return sv_billboards_bytes(&SV_BILLBOARD_OPTIONS_DEFAULT, planes);
+}
+
 unsigned sv_form_billboard_part(const struct sv_billboards *b, enum sv_billboard_part part)
 {
     GLuint name;

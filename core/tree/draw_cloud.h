@@ -55,10 +55,17 @@ SV_MUST_CHECK enum sv_status sv_cloud_draw_trees(struct sv_cloud_draw *draw, enu
                                                  struct sv_error *error);
 /* GL bytes of a species in a form: textures with mip levels, and the planes; 0 when it is not built. */
 size_t sv_cloud_draw_bytes(const struct sv_cloud_draw *draw, int species, enum sv_cloud_form form);
+/* What the form's textures will take of that (planes take 0.6 MB more), whether or not it is built. */
+size_t sv_cloud_form_bytes(const struct sv_tree_mesh *mesh, enum sv_cloud_form form,
+                           const struct sv_cloud_options *options);
+/* Whether the store has all that drawing the form needs. */
+bool sv_cloud_form_kept(const struct sv_tree_draw_species *species, enum sv_cloud_form form,
+                        const struct sv_cloud_options *options, struct sv_store *store);
 /* The species' cloud; NULL when it is not built. */
 const struct sv_tree_cloud *sv_cloud_draw_cloud(const struct sv_cloud_draw *draw, int species);
 
-/* Makes what the form needs of a species and keeps it in the store; no GL, any process. */
+/* Makes what the form needs of a species and keeps it in the store; no GL, any process. Who else builds the
+ * same then waits for it (sv_store_claim). */
 SV_MUST_CHECK enum sv_status sv_cloud_form_prepare(const struct sv_tree_draw_species *species,
                                                    enum sv_cloud_form form,
                                                    const struct sv_cloud_options *options,

@@ -88,6 +88,23 @@ static enum sv_status build_blob(const struct sv_tree_draw_species *species,
     return status;
 }
 
+bool sv_cloud_form_kept(const struct sv_tree_draw_species *species, enum sv_cloud_form form,
+                        const struct sv_cloud_options *options, struct sv_store *store)
+{
+    uint64_t key = store_key(species->key, options);
+    return sv_store_has(store, SV_CLOUD_KIND, key) && sv_store_has(store, SV_CLOUD_LIGHT_KIND, key) &&
+           sv_store_has(store, sv_cloud_forms[form].kind, key);
+}
+
+/* Of a species' cloud and all its forms: they are built from one cloud. What is kept needs no claim. */
+static int claim_form(const struct sv_tree_draw_species *species, enum sv_cloud_form form,
+                      const struct sv_cloud_options *options, struct sv_store *store)
+{
+    return sv_cloud_form_kept(species, form, options, store)
+               ? SV_STORE_UNCLAIMED
+               : sv_store_claim(store, SV_CLOUD_KIND, store_key(species->key, options));
+}
+
 enum sv_status sv_cloud_form_prepare(const struct sv_tree_draw_species *species, enum sv_cloud_form form,
                                      const struct sv_cloud_options *options, struct sv_store *store,
                                      struct sv_error *error)
@@ -100,6 +117,7 @@ enum sv_status sv_cloud_form_prepare(const struct sv_tree_draw_species *species,
     uint64_t key = store_key(species->key, options);
     sv_color_init();
     struct sv_cloud_light light;
+    int claim = claim_form(species, form, options, store);
     enum sv_status status = obtain_cloud(species, options, store, &cloud, error);
     if (status == SV_OK)
         status = obtain_light(species, &cloud, options, store, &light, error);
@@ -107,9 +125,16 @@ enum sv_status sv_cloud_form_prepare(const struct sv_tree_draw_species *species,
         data = NULL;
         status = build_blob(species, &cloud, row, key, store, &data, &bytes, error);
     }
+    sv_store_release(claim);
     free(data);
     sv_tree_cloud_finish(&cloud);
     return status;
+}
+
+size_t sv_cloud_form_bytes(const struct sv_tree_mesh *mesh, enum sv_cloud_form form,
+                           const struct sv_cloud_options *options)
+{
+    return sv_cloud_forms[form].bytes(mesh, options->planes);
 }
 
 /* ---- planes ---- */
@@ -351,6 +376,7 @@ enum sv_status sv_cloud_build_form(struct sv_cloud_draw *draw, struct cloud_spec
     enum sv_status status = SV_OK;
     if (f->built || s->of.tree_count == 0)
         return SV_OK;
+    int claim = claim_form(&s->of, form, &draw->options, draw->store);
     if (!s->fitted) {
         status = obtain_cloud(&s->of, &draw->options, draw->store, &s->cloud, error);
         if (!status)
@@ -361,6 +387,7 @@ enum sv_status sv_cloud_build_form(struct sv_cloud_draw *draw, struct cloud_spec
     }
     if (!status)
         status = build_textures(draw, s, form, error);
+    sv_store_release(claim);
     if (!status)
         status = build_planes(draw, &s->cloud, f, error);
     if (!status)

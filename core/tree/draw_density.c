@@ -129,7 +129,8 @@ static enum sv_status upload_plain(const struct sv_density *density, const uint8
     t->bytes += upload_tiles(t, 1, GL_RGBA8, levels.normal, SV_DENSITY_LEVELS, density->plane_count);
     t->bytes += upload_light(t, 2, density);
     t->params[1][1] = sv_density_sharp_scale(density, texels);
-    t->params[1][2] = density->finer;
+    memcpy(t->params[1] + 2, density->finer, 2 * sizeof(float));
+    memcpy(t->params[4], density->finer + 2, sizeof t->params[4]); /* the other four */
     float bars[SV_DENSITY_LEVELS];
     sv_density_bars(density, &levels, bars);
     memcpy(t->params + 2, bars, sizeof bars); /* params[2] and [3] */
@@ -173,6 +174,32 @@ static enum sv_status upload(const struct sv_tree_mesh *mesh, const struct sv_tr
     free(texels);
     sv_density_finish(&density);
     return status;
+}
+
+static size_t mip_bytes(int side, int levels)
+{
+    size_t bytes = 0;
+    for (int k = 0; k < levels; k++)
+        bytes += 4 * (size_t)(side >> k) * (size_t)(side >> k);
+    return bytes;
+}
+
+static size_t light_bytes(void)
+{
+    return 2 * mip_bytes(SV_DENSITY_LIGHT_SIDE, 1);
+}
+
+size_t sv_form_density_bytes(const struct sv_tree_mesh *mesh, int planes)
+{
+    (void)mesh;
+    return (size_t)planes * (2 * mip_bytes(SV_DENSITY_TILE, SV_DENSITY_LEVELS) + light_bytes());
+}
+
+size_t sv_form_density_paper_bytes(const struct sv_tree_mesh *mesh, int planes)
+{
+    (void)mesh;
+    return (size_t)planes * (2 * mip_bytes(SV_DENSITY_TILE, 1) + light_bytes()) +
+           mip_bytes(SV_DENSITY_LEAF_SIDE, SV_DENSITY_LEAF_LEVELS);
 }
 
 enum sv_status sv_form_density_upload(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,

@@ -88,6 +88,11 @@ static float leaf_size(const struct sv_indirect *t)
     return count > 0 ? (float)(sum / count) : 1;
 }
 
+size_t sv_form_indirect_bytes(const struct sv_tree_mesh *mesh, int planes)
+{
+    return sv_indirect_most_bytes(mesh, &SV_INDIRECT_OPTIONS_DEFAULT, planes);
+}
+
 enum sv_status sv_form_indirect_upload(const struct sv_tree_mesh *mesh, const struct sv_tree_cloud *cloud,
                                        const void *data, size_t bytes, struct sv_cloud_textures *t,
                                        struct sv_error *error)

@@ -154,12 +154,6 @@ void sv_mesh_draw_destroy(struct sv_mesh_draw *draw)
     free(draw);
 }
 
-size_t sv_mesh_draw_bytes(const struct sv_mesh_draw *draw, int species)
-{
-    const struct species_mesh *s = &draw->species[species];
-    return s->mesh ? draw->species[s->owner].upload.bytes : 0;
-}
-
 static void put_instance(struct instance *i, const struct sv_tree *tree, struct sv_vec3 eye,
                          uint32_t id_first)
 {

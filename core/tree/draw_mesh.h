@@ -22,7 +22,5 @@ SV_MUST_CHECK enum sv_status sv_mesh_draw_trees(struct sv_mesh_draw *draw, const
                                                 const struct sv_tree *trees,
                                                 const struct sv_cull_entry *entries, uint32_t count,
                                                 struct sv_tree_lights lights, struct sv_error *error);
-/* GL bytes of a species: vertices, indices, textures. */
-size_t sv_mesh_draw_bytes(const struct sv_mesh_draw *draw, int species);
 
 #endif

@@ -46,11 +46,20 @@ static void set_attributes(void)
     }
 }
 
+size_t sv_mesh_upload_bytes(const struct sv_tree_mesh *mesh)
+{
+    size_t bytes = mesh->vertex_count * sizeof *mesh->vertices + mesh->index_count * sizeof *mesh->indices;
+    for (int k = 0; k < mesh->material_count; k++)
+        if (mesh->materials[k].albedo.data)
+            bytes += sv_image_bytes(&mesh->materials[k].albedo);
+    return bytes;
+}
+
 void sv_mesh_upload_init(const struct sv_tree_mesh *mesh, bool mipmaps, struct sv_mesh_upload *upload)
 {
     size_t vertex_bytes = mesh->vertex_count * sizeof *mesh->vertices;
     size_t index_bytes = mesh->index_count * sizeof *mesh->indices;
-    *upload = (struct sv_mesh_upload){.bytes = vertex_bytes + index_bytes};
+    *upload = (struct sv_mesh_upload){.array = 0};
     gl.GenVertexArrays(1, &upload->array);
     gl.GenBuffers(1, &upload->vertices);
     gl.GenBuffers(1, &upload->indices);
@@ -66,7 +75,6 @@ void sv_mesh_upload_init(const struct sv_tree_mesh *mesh, bool mipmaps, struct s
         if (!albedo->data)
             continue;
         upload->textures[k] = sv_mesh_upload_texture(albedo->width, albedo->height, albedo->data, mipmaps);
-        upload->bytes += sv_image_bytes(albedo);
     }
 }
 

@@ -23,9 +23,10 @@ enum {
 struct sv_mesh_upload {
     unsigned array, vertices, indices;        /* GL names; array holds the attributes and the indices */
     unsigned textures[SV_TREE_MATERIALS_MAX]; /* sRGB, repeated; 0: the material has no albedo */
-    size_t bytes;                             /* of vertices, indices and albedos */
 };
 
+/* Bytes of a mesh as uploaded without mip levels. No GL. */
+size_t sv_mesh_upload_bytes(const struct sv_tree_mesh *mesh);
 /* mipmaps: textures with all their levels, read trilinearly; else level 0 alone, bilinearly. Leaves no array
  * bound. GL errors are left for the caller's sv_gl_check. */
 void sv_mesh_upload_init(const struct sv_tree_mesh *mesh, bool mipmaps, struct sv_mesh_upload *upload);

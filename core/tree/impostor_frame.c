@@ -66,7 +66,7 @@ static void add_sample(struct sv_frame_bake *b, size_t at, int i, int j, struct 
     texel->count++;
 }
 
-/* Sums the samples of texel (i, j) up, and notes their depth and translucency. */
+/* Sums the samples of texel (i, j) up, and notes their depth. */
 static void sum_texel(struct sv_frame_bake *b, double plane[SV_UNKNOWNS_MAX][SV_UNKNOWNS_MAX + 1], int i, int j)
 {
     struct sv_frame_texel *t = &b->texels[(size_t)j * (size_t)b->cell + (size_t)i];
@@ -82,10 +82,7 @@ static void sum_texel(struct sv_frame_bake *b, double plane[SV_UNKNOWNS_MAX][SV_
     double count = (double)t->count, step = (double)b->view.step * b->sub;
     const double place[3] = {1, (double)b->view.left + (i + 0.5) * step,
                              (double)b->view.top - (j + 0.5) * step};
-    const double color[4] = {(double)t->rgb[0] / count, (double)t->rgb[1] / count, (double)t->rgb[2] / count,
-                             1};
     sv_least_squares_add(plane, 3, place, (double)t->depth / count, count);
-    sv_least_squares_add(b->leaf, 4, color, (double)t->translucency / count, count);
 }
 
 /* The quad's plane; falls back to the plane square to the view through the axis' middle. */
@@ -168,11 +165,6 @@ void sv_frame_bake_draw(struct sv_frame_bake *b, int index)
     f->s_max = (float)b->box[1] / (float)b->cell;
     f->t_min = (float)b->box[2] / (float)b->cell;
     f->t_max = (float)b->box[3] / (float)b->cell;
-}
-
-void sv_frame_bake_translucency(struct sv_frame_bake *b, float out[4])
-{
-    sv_translucency_rule(b->leaf, out);
 }
 
 enum sv_status sv_frame_bake_init(const struct sv_tree_mesh *mesh, int cell, int sub,

@@ -24,8 +24,6 @@ struct sv_frame_bake {
     int box[4]; /* texels that show something: first and last + 1 column, then row; empty: first > last */
     double plane[3];          /* depth towards the viewer = plane[0] + plane[1] x + plane[2] y, model units */
     double square[6], weight; /* brightness x products of the normal's components */
-    /* Over all frames: normal equations of translucency from colour (r, g, b, 1). */
-    double leaf[SV_UNKNOWNS_MAX][SV_UNKNOWNS_MAX + 1];
 };
 
 /* Ready to draw frames of cell x cell texels of sub x sub samples. SV_ENOMEM. */
@@ -34,7 +32,5 @@ SV_MUST_CHECK enum sv_status sv_frame_bake_init(const struct sv_tree_mesh *mesh,
 void sv_frame_bake_finish(struct sv_frame_bake *bake); /* legal on a zeroed one */
 /* Draws a frame: texels, frame, box and plane. */
 void sv_frame_bake_draw(struct sv_frame_bake *bake, int index);
-/* Translucency by colour of all that was drawn (struct sv_impostor). */
-void sv_frame_bake_translucency(struct sv_frame_bake *bake, float out[4]);
 
 #endif

@@ -6,12 +6,20 @@
 
 enum { LENGTHS = SV_GUESS_LENGTHS, HEIGHTS = 32 };
 
-/* Twin of the guess in core/gl/shaders/tree_leaf.glsl, leaf_sun: mean |n.l| for a mean normal of length rho that makes an
- * angle of cosine c with l. */
+/* Twin of the guess in core/gl/shaders/tree_leaf.glsl, leaf_sun: mean |n.l| for a mean normal of length rho
+ * that makes an angle of cosine c with l. */
 static float guess(float rho, float c)
 {
     float loose = 1 - rho, c2 = c * c, across = fminf(0.8f * loose, 0.5f);
     return sqrtf(fmaxf(across + (1 - 3 * across) * c2, 0)) * (1 - loose * (0.56f - 0.4f * c2));
+}
+
+float sv_guess_leaf_sun(const float m[3], const float l[3], float t)
+{
+    float rho2 = fminf(fmaxf(m[0] * m[0] + m[1] * m[1] + m[2] * m[2], 1e-6f), 1);
+    float rho = sqrtf(rho2), along = m[0] * l[0] + m[1] * l[1] + m[2] * l[2];
+    float mean = guess(rho, fminf(fabsf(along) / rho, 1));
+    return fmaxf(0, 0.5f * ((1 + t) * mean + (1 - t) * along));
 }
 
 void sv_guess_table_make(struct sv_guess_table *table)

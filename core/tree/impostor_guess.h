@@ -11,6 +11,9 @@ struct sv_guess_table {
 };
 
 void sv_guess_table_make(struct sv_guess_table *table);
+/* Twin of tree_leaf.glsl's leaf_sun (gain 1): sunlight on leaves of mean normal m, turned to the viewer, of
+ * translucency t; l unit. */
+float sv_guess_leaf_sun(const float m[3], const float l[3], float t);
 /* Adds weight times the guess for a mean normal m to the form sum: xx, yy, zz, xy, xz, yz. */
 void sv_guess_add(const struct sv_guess_table *table, float weight, const float m[3], float sum[6]);
 

@@ -44,7 +44,8 @@ static enum sv_status prepare_texture(const struct sv_tree_material *m, struct s
     if (!image->data)
         return SV_OK;
     int w = scaled(image->width), h = scaled(image->height);
-    uint8_t *texels = malloc((size_t)w * (size_t)h * 4), *mask = texels + (size_t)w * (size_t)h * 3;
+    size_t count = (size_t)w * (size_t)h;
+    uint8_t *texels = calloc(1, count * 3 + count / 8 + 1), *mask = texels + count * 3;
     if (!texels)
         return sv_fail(error, SV_ENOMEM, m->name, "no memory for a mask of %d x %d", w, h);
     float sx = (float)image->width / (float)w, sy = (float)image->height / (float)h;
@@ -55,7 +56,8 @@ static enum sv_status prepare_texture(const struct sv_tree_material *m, struct s
             bilinear(image, ((float)i + 0.5f) * sx - 0.5f, ((float)j + 0.5f) * sy - 0.5f, rgba);
             for (int c = 0; c < 3; c++)
                 texels[3 * at + (size_t)c] = sv_srgb8_from_linear(rgba[c]);
-            mask[at] = !(m->masked && rgba[3] * (1.0f / 255.0f) * m->base_color[3] < m->alpha_cutoff);
+            bool kept = !(m->masked && rgba[3] * (1.0f / 255.0f) * m->base_color[3] < m->alpha_cutoff);
+            mask[at / 8] = (uint8_t)(mask[at / 8] | kept << at % 8);
         }
     *texture = (struct sv_raster_texture){w, h, texels, mask};
     return SV_OK;
@@ -187,7 +189,7 @@ static int texel_of(float u, int side)
 static bool kept(const struct sv_raster_texture *t, float u, float v)
 {
     int i = texel_of(u > 0 ? u : 0, t->width), j = texel_of(v > 0 ? v : 0, t->height);
-    return t->mask[(size_t)j * (size_t)t->width + (size_t)i];
+    return sv_raster_texture_keeps(t, i, j);
 }
 
 /* Not fminf: that is a call, and there are eight of them a triangle; nothing here is NaN (mesh.h). */

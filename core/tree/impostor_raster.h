@@ -1,5 +1,5 @@
 /* impostor_raster.h - which triangle is seen at each sample of an orthographic picture of a mesh: the
- * z-buffer of the bakes (impostor_bake.c, cloud_bake.c).
+ * z-buffer of the bakes (sprite_bake.c, cloud_bake.c).
  *
  * Keeps only depth and triangle; what a sample looks like is worked out once, for what is seen. The alpha
  * test is that of mesh.h, on masks prepared at no less than 256 texels a side. Private to core/tree. */
@@ -14,8 +14,15 @@ enum { SV_RASTER_NONE = -1 };
 struct sv_raster_texture {
     int width, height;
     uint8_t *texels; /* heap; sRGB r, g, b; NULL: no texture */
-    uint8_t *mask;   /* in the same block: 1 where the alpha test keeps it */
+    uint8_t *mask; /* in the same block: a bit a texel, from the lowest: the alpha test keeps it. (In bytes it
+                      would not stay in the first cache.) */
 };
+
+static inline bool sv_raster_texture_keeps(const struct sv_raster_texture *t, int i, int j)
+{
+    size_t at = (size_t)j * (size_t)t->width + (size_t)i;
+    return t->mask[at / 8] >> at % 8 & 1;
+}
 
 struct sv_raster {
     const struct sv_tree_mesh *mesh;

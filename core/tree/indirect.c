@@ -394,6 +394,16 @@ size_t sv_indirect_bytes(const struct sv_indirect *t)
     return texel_bytes(t) + leaf_bytes(t) + t->base.bytes + (size_t)t->kind_count * sizeof *t->kinds;
 }
 
+size_t sv_indirect_most_bytes(const struct sv_tree_mesh *mesh, const struct sv_indirect_options *options,
+                              int planes)
+{
+    struct sv_indirect t = {.plane_count = planes, .side = options->side, .kind_count = SV_INDIRECT_KINDS};
+    t.base.bytes = sv_billboards_bytes(&options->base, planes);
+    for (int m = 0; m < mesh->material_count; m++)
+        t.layer_count += mesh->materials[m].index_count > 0 && t.layer_count < SV_INDIRECT_LAYERS_MAX;
+    return sv_indirect_bytes(&t);
+}
+
 static bool is_side(int side)
 {
     return side >= 16 && side <= 1024 && (side & (side - 1)) == 0;

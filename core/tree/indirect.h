@@ -50,6 +50,10 @@ SV_MUST_CHECK enum sv_status sv_indirect_bake(const struct sv_tree_mesh *mesh,
 void sv_indirect_finish(struct sv_indirect *indirect); /* legal on a zeroed one */
 /* Textures' bytes, mip levels included. */
 size_t sv_indirect_bytes(const struct sv_indirect *indirect);
+/* The most that a bake will take: how many kinds of leaves there are (32 bytes each) is known afterwards
+ * only. */
+size_t sv_indirect_most_bytes(const struct sv_tree_mesh *mesh, const struct sv_indirect_options *options,
+                              int planes);
 
 /* One block of bytes (heap, caller frees) and back; load takes any bytes: SV_EFORMAT. */
 SV_MUST_CHECK enum sv_status sv_indirect_save(const struct sv_indirect *indirect, void **data, size_t *bytes,

@@ -19,19 +19,18 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/base/simd.h"
 #include "core/tree/draw_cull.h"
+#include "core/tree/shade_pass.h"
 #include "core/tree/shade_private.h"
 
 enum { TILE = 64, TILE_TEXELS = TILE * TILE, TILES_MAX = 2048, GRID_MAX = 1 << 22, COLUMNS_MAX = 1024 };
-enum { FULL = 65535 };
 
 static const double TEXELS_A_TREE = 12; /* along the mean tree, up to a step of sizes */
 static const double TEXELS_MAX = 384;   /* along the tallest, the same */
 static const double TEXEL_STEPS = 4;    /* sizes a doubling */
 /* Crowns' (diameter / height) squared, as the order takes them. */
 static const double ORDER_RATIO = 0.25;
-/* Of what passes a tree, because its half is divided by: below, the canvas' steps tell. */
-static const float PASS_MIN = 1.0f / 4096;
 static const float BARE_WEIGHT =
     0.02f; /* of a texel that the tree itself leaves open: answers for bare parts */
 
@@ -40,7 +39,7 @@ struct canvas {
     int64_t tile_x, tile_y; /* the first tile's place among the lattice's tiles */
     uint32_t tiles_x, tiles_y, tiles;
     uint32_t *tile;  /* heap: index of the tile's texels + 1; 0: no tree is there */
-    uint16_t *light; /* heap: share of light left, * FULL */
+    uint16_t *light; /* heap: share of light left, * SV_SHADE_FULL */
 };
 
 /* A tree on the light's plane: foot, m from the world's origin. */
@@ -198,8 +197,9 @@ static void canvas_finish(struct canvas *c)
 
 /* ---- a tree on the canvas ---- */
 
-struct cell {
-    float light, weight;
+struct kernel {
+    sv_shade_pass *pass;
+    sv_shade_mix *mix;
 };
 
 /* A tree's outline on the canvas: texels [i0, i1) x [j0, j1), and for each the place in the silhouette. */
@@ -245,7 +245,7 @@ static bool print_init(const struct canvas *c, const struct sv_shade_view *view,
     double tall = fmax(h * ((double)view->top - (double)view->bottom), 1e-9);
     p->row0 = (float)((y - at.y - h * (double)view->bottom) / tall * SV_SHADE_ROWS);
     p->rows = (float)(c->texel / tall * SV_SHADE_ROWS);
-    return p->i1 > p->i0 && p->j1 > p->j0 && p->i1 - p->i0 <= COLUMNS_MAX;
+    return p->i1 > p->i0 && p->j1 > p->j0 && p->i1 - p->i0 <= COLUMNS_MAX - 2 * SV_SHADE_LANES;
 }
 
 static int held(float v, int count)
@@ -253,26 +253,33 @@ static int held(float v, int count)
     return v > 0 ? (v < (float)count ? (int)v : count - 1) : 0;
 }
 
-/* What is the same for all rows of a print: for each texel the silhouette's column left of it (+ 1: there is
- * an empty one on each side) and how far it lies towards the next. */
+/* What is the same for all rows of a print, in groups of lanes that begin where the tiles' do: for each texel
+ * the silhouette's column left of it (+ 1: there is an empty one on each side), how far it lies towards the
+ * next, and what it weighs where nothing covers it. */
 struct columns {
+    int first, count; /* of texels: whole groups */
     int left[COLUMNS_MAX];
-    float part[COLUMNS_MAX];
+    float part[COLUMNS_MAX], bare[COLUMNS_MAX];
 };
 
 static void columns_init(const struct print *p, struct columns *columns)
 {
     float last = (float)p->level->width;
-    for (int i = 0; i < p->i1 - p->i0; i++) {
-        float u = p->u0 + (float)i * p->step + 1;
-        u = u > 0 ? (u < last ? u : last) : 0;
+    columns->first = p->i0 & ~(SV_SHADE_LANES - 1); /* rounded down, left of the canvas too */
+    columns->count = (p->i1 - columns->first + SV_SHADE_LANES - 1) / SV_SHADE_LANES * SV_SHADE_LANES;
+    for (int i = 0; i < columns->count; i++) {
+        int at = columns->first + i;
+        float u = p->u0 + (float)(at - p->i0) * p->step + 1;
+        u = u > 0 && at >= p->i0 && at < p->i1 ? (u < last ? u : last) : 0;
         columns->left[i] = (int)u;
         columns->part[i] = u - (float)columns->left[i];
+        columns->bare[i] = at >= p->i0 && at < p->i1 ? BARE_WEIGHT : 0;
     }
 }
 
-/* Coverage of row j of the print, 0 .. 1: bilinear in the silhouette, nothing around it. */
-static void print_row(const struct print *p, const struct columns *columns, int j, float *row)
+/* Row j of the print: the silhouette's two rows mixed, nothing around it. */
+static void mix_row(const struct kernel *kernel, const struct print *p, int j,
+                    float mixed[SV_OUTLINE_SIDE + 2])
 {
     static const uint8_t nothing[SV_OUTLINE_SIDE];
     const struct sv_silhouette *l = p->level;
@@ -281,60 +288,44 @@ static void print_row(const struct print *p, const struct columns *columns, int 
     const uint8_t *a = v0 >= 0 && v0 < l->height ? l->coverage + (size_t)v0 * (size_t)width : nothing;
     const uint8_t *b =
         v0 + 1 >= 0 && v0 + 1 < l->height ? l->coverage + (size_t)(v0 + 1) * (size_t)width : nothing;
-    float above = (1 - fv) * p->thin / 255.0f, below = fv * p->thin / 255.0f, mixed[SV_OUTLINE_SIDE + 2];
     mixed[0] = mixed[width + 1] = 0;
-    for (int u = 0; u < width; u++)
-        mixed[u + 1] = (float)a[u] * above + (float)b[u] * below;
-    for (int i = 0; i < p->i1 - p->i0; i++) {
-        const float *m = mixed + columns->left[i];
-        row[i] = m[0] + columns->part[i] * (m[1] - m[0]);
-    }
+    kernel->mix(a, b, (1 - fv) * p->thin / 255.0f, fv * p->thin / 255.0f, width, mixed + 1);
 }
 
-/* Reads the light into a cell, then takes a half's coverage off it: both halves of a tree let through
- * 1 - coverage. What the near half has taken is given back to the far one: it is the tree's own. */
-static void pass_run(uint16_t *light, const float *coverage, int count, bool far, struct cell *cell)
+/* Row j, in runs that lie in one tile, from column begin to last - 1 of the columns, which are on the canvas.
+ */
+static void pass_row(const struct kernel *kernel, struct canvas *c, const struct columns *columns, int begin,
+                     int last, int j, bool far, const float *mixed, struct sv_shade_cell *cell)
 {
-    float sum = 0, weights = 0;
-    for (int i = 0; i < count; i++) {
-        float own = coverage[i], half = sqrtf(fmaxf(1 - own, PASS_MIN)), left = light[i],
-              weight = own + BARE_WEIGHT;
-        sum += weight * (far ? fminf(left / half, FULL) : left);
-        weights += weight;
-        light[i] = (uint16_t)(left * half + 0.5f);
-    }
-    cell->light += sum;
-    cell->weight += weights;
-}
-
-/* Row j, in runs that lie in one tile; columns i0 and on of the print are on the canvas. */
-static void pass_row(struct canvas *c, const struct print *p, int i0, int i1, int j, bool far,
-                     const float *coverage, struct cell cells[SV_SHADE_ROWS])
-{
-    int row = held(p->row0 + (float)(j - p->j0) * p->rows, SV_SHADE_ROWS);
     const uint32_t *tiles = c->tile + (size_t)(j / TILE) * c->tiles_x;
-    for (int i = i0; i < i1;) {
-        uint32_t tile = tiles[i / TILE];
-        int end = (i / TILE + 1) * TILE;
-        end = end < i1 ? end : i1;
+    for (int i = begin; i < last;) {
+        int at = columns->first + i, end = (at / TILE + 1) * TILE - columns->first;
+        end = end < last ? end : last;
+        uint32_t tile = tiles[at / TILE];
+        const struct sv_shade_row row = {columns->left + i, columns->part + i, columns->bare + i, mixed,
+                                         end - i};
         if (tile > 0)
-            pass_run(c->light + (size_t)(tile - 1) * TILE_TEXELS + (size_t)(j % TILE) * TILE + i % TILE,
-                     coverage + (i - p->i0), end - i, far, &cells[row]);
+            kernel->pass(&row, far,
+                         c->light + (size_t)(tile - 1) * TILE_TEXELS + (size_t)(j % TILE) * TILE + at % TILE,
+                         cell);
         i = end;
     }
 }
 
-static void pass_half(struct canvas *c, const struct print *p, bool far, struct cell cells[SV_SHADE_ROWS])
+static void pass_half(const struct kernel *kernel, struct canvas *c, const struct print *p, bool far,
+                      struct sv_shade_cell cells[SV_SHADE_ROWS])
 {
-    float coverage[COLUMNS_MAX];
+    float mixed[SV_OUTLINE_SIDE + 2];
     struct columns across;
     int rows = (int)c->tiles_y * TILE, columns = (int)c->tiles_x * TILE;
-    int i0 = p->i0 > 0 ? p->i0 : 0, i1 = p->i1 < columns ? p->i1 : columns;
     int j0 = p->j0 > 0 ? p->j0 : 0, j1 = p->j1 < rows ? p->j1 : rows;
     columns_init(p, &across);
+    int begin = across.first > 0 ? 0 : -across.first, end = columns - across.first;
+    end = end < across.count ? end : across.count;
     for (int j = j0; j < j1; j++) {
-        print_row(p, &across, j, coverage);
-        pass_row(c, p, i0, i1, j, far, coverage, cells);
+        int row = held(p->row0 + (float)(j - p->j0) * p->rows, SV_SHADE_ROWS);
+        mix_row(kernel, p, j, mixed);
+        pass_row(kernel, c, &across, begin, end, j, far, mixed, &cells[row]);
     }
 }
 
@@ -358,18 +349,22 @@ static void terrain_rows(const struct sv_shade_view *view, const struct sv_shade
     }
 }
 
-static void put_light(const struct cell cells[SV_SHADE_ROWS], const float lit[SV_SHADE_ROWS],
+static void put_light(const struct sv_shade_cell cells[SV_SHADE_ROWS], const float lit[SV_SHADE_ROWS],
                       uint8_t share[SV_SHADE_ROWS])
 {
-    float light = 0, weight = 0;
+    float light[SV_SHADE_ROWS] = {0}, weight[SV_SHADE_ROWS] = {0}, all = 0, weights = 0;
     for (int r = 0; r < SV_SHADE_ROWS; r++) {
-        light += cells[r].light;
-        weight += cells[r].weight;
+        for (int k = 0; k < SV_SHADE_LANES; k++) {
+            light[r] += cells[r].light[k];
+            weight[r] += cells[r].weight[k];
+        }
+        all += light[r];
+        weights += weight[r];
     }
-    float mean = weight > 0 ? light / weight : FULL;
+    float mean = weights > 0 ? all / weights : SV_SHADE_FULL;
     for (int r = 0; r < SV_SHADE_ROWS; r++) {
-        float of = cells[r].weight > 0 ? cells[r].light / cells[r].weight : mean;
-        share[r] = (uint8_t)(of / FULL * 255.0f * lit[r] + 0.5f);
+        float of = weight[r] > 0 ? light[r] / weight[r] : mean;
+        share[r] = (uint8_t)(of / SV_SHADE_FULL * 255.0f * lit[r] + 0.5f);
     }
 }
 
@@ -404,17 +399,20 @@ static void pass(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
                  const struct sv_shade_terrain *terrain, struct canvas *canvas,
                  const struct sv_cull_entry *entries, uint32_t count, const uint8_t *wanted)
 {
+    bool wide = sv_simd_level() >= SV_SIMD_AVX2;
+    const struct kernel kernel = {wide ? sv_shade_pass_avx2 : sv_shade_pass_scalar,
+                                  wide ? sv_shade_mix_avx2 : sv_shade_mix_scalar};
     for (uint32_t k = 0; k < count; k++) {
         bool far = entries[k].tree & 1;
         uint32_t index = entries[k].tree >> 1;
         const struct sv_tree *tree = &shade->forest->trees[index];
         const struct sv_shade_view *view = &sun->views[shade->owner[tree->species]];
-        struct cell cells[SV_SHADE_ROWS] = {{0, 0}};
+        struct sv_shade_cell cells[SV_SHADE_ROWS] = {{{0}, {0}}};
         struct print print;
         float lit[SV_SHADE_ROWS];
         if (print_init(canvas, view, &view->turn[sv_shade_turn(tree->rotation_rad)],
                        spot_of(&sun->axes, tree), (double)tree->height_m, &print))
-            pass_half(canvas, &print, far, cells);
+            pass_half(&kernel, canvas, &print, far, cells);
         if (wanted && !wanted[index])
             continue;
         terrain_rows(view, &sun->axes, tree, terrain->ground, terrain->context, lit);

@@ -259,7 +259,7 @@ static enum sv_status draw_objects(struct sv_renderer *r, const struct sv_resolv
     return sv_object_draw_view(r->objects, frame, &options, stats, error);
 }
 
-static enum sv_tree_form form_of(enum sv_trees trees)
+enum sv_tree_form sv_renderer_tree_form(enum sv_trees trees)
 {
     static const enum sv_tree_form forms[SV_TREES_COUNT] = {
         [SV_TREES_AUTO] = SV_TREE_FORM_AUTO,
@@ -315,7 +315,7 @@ static enum sv_status draw_trees(struct sv_renderer *r, const struct sv_resolved
 {
     struct sv_tree_draw_stats trees = {0};
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
-    options.form = form_of(view->plan.trees);
+    options.form = sv_renderer_tree_form(view->plan.trees);
     options.error_px = view->plan.tree_error_px;
     options.leaf_samples = view->plan.samples > 1 ? 1 : view->plan.leaf_samples;
     options.color_only = r->target_layers == 1u << SV_LAYER_COLOR;
@@ -386,7 +386,7 @@ static enum sv_status draw_pass(struct sv_renderer *r, const struct sv_resolved_
                                         .terrain_error_px = terrain.max_error_px,
                                         .polygon_objects = objects.polygon_objects,
                                         .relief_objects = objects.relief_objects};
-    bool trees = r->trees && view->plan.draw_trees, canvas_form = sv_tree_form_on_canvas(form_of(view->plan.trees));
+    bool trees = r->trees && view->plan.draw_trees, canvas_form = sv_tree_form_on_canvas(sv_renderer_tree_form(view->plan.trees));
     if (!status && trees && !canvas_form)
         status = draw_trees(r, view, &frame, shadows, NULL, stats, error);
     if (!status)

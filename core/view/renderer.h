@@ -3,11 +3,11 @@
 #define SV_VIEW_RENDERER_H
 
 #include "core/scene/patch_apply.h"
+#include "core/tree/draw.h"
 #include "core/view/resolve.h"
 #include "core/view/timings.h"
 
 struct sv_renderer;
-struct sv_tree_draw;
 struct sv_object_draw;
 
 /* Monotonic milliseconds; given from above so that core has no clock of its own. */
@@ -31,7 +31,7 @@ SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer, cons
                                               const struct sv_resolved_view *view, struct sv_picture *picture,
                                               struct sv_timings *timings, struct sv_draw_stats *stats,
                                               struct sv_error *error);
-/* Casts what the scene's own sun throws on all of the ground, as fine as takes less than a second or so: before forks,
+/* Casts what the scene's own sun throws on all of the ground, as fine as takes a few seconds at most: before forks,
  * so that all share it. Pictures are the same without. */
 SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error);
 /* The scene has changed in place (core/scene/patch_apply.h): makes again what the delta touches, so that pictures are those
@@ -43,6 +43,8 @@ enum { SV_RENDERER_SUN_TREES = 300000 };
 SV_MUST_CHECK enum sv_status sv_renderer_change(struct sv_renderer *renderer, const struct sv_scene_delta *delta,
                                                 struct sv_store *store, struct sv_error *error);
 void sv_picture_finish(struct sv_picture *picture);
+/* The form that a request's trees are drawn in (draw.h); AUTO for what is not one. */
+enum sv_tree_form sv_renderer_tree_form(enum sv_trees trees);
 /* The forest's drawing, for its sizes (sv_tree_draw_bytes); NULL when the scene has no trees. Borrowed. */
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer);
 /* The objects' drawing, for its sizes (sv_object_draw_relief_bytes); NULL when there are none. Borrowed. */

@@ -304,6 +304,15 @@ static void on_followed(struct sv_scenes *scenes, const struct sv_wire_followed 
                       strerror(followed->error_number));
 }
 
+static void on_facts(struct sv_scene_process *process, const struct sv_wire_facts *message, int fd)
+{
+    char *facts = fd >= 0 ? sv_wire_read_text(fd, message->facts_bytes, FACTS_BYTES_MAX) : NULL;
+    if (facts) {
+        free(process->facts);
+        process->facts = facts;
+    }
+}
+
 /* A descriptor that came with a message that has no use for it is closed. */
 static void take_message(struct sv_scene_process *process, const union sv_wire_message *message, int fd)
 {
@@ -311,6 +320,9 @@ static void take_message(struct sv_scene_process *process, const union sv_wire_m
     case SV_WIRE_READY:
         on_ready(process, &message->ready, fd);
         return;
+    case SV_WIRE_FACTS:
+        on_facts(process, &message->facts, fd);
+        break;
     case SV_WIRE_FORKED:
         sv_crew_forked(&process->crew, &message->forked, fd);
         return;

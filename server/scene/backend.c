@@ -28,8 +28,8 @@ struct sv_backend {
     struct sv_scene *scene;
     struct sv_renderer *renderer;
     int epsg;
-    uint64_t pixels_max, sample_pixels_max;
     double load_s;
+    uint64_t pixels_max, sample_pixels_max; /* for the document */
     char *document;
 };
 
@@ -100,13 +100,11 @@ static void species_facts(const struct sv_backend *backend, struct sv_species_fa
                                            .leaf_count = species->mesh.leaf_count,
                                            .triangle_count = species->mesh.index_count / 3,
                                            .vertex_count = species->mesh.vertex_count};
-        if (!draw)
-            continue;
-        for (int form = SV_TREE_FORM_AUTO + 1; form < SV_TREE_FORM_COUNT; form++) {
-            size_t bytes = sv_tree_draw_bytes(draw, i, (enum sv_tree_form)form);
-            if (bytes > 0)
-                out[i].forms[out[i].form_count++] =
-                    (struct sv_form_facts){sv_tree_form_name((enum sv_tree_form)form), bytes};
+        for (int k = SV_TREE_FORM_AUTO + 1; draw && species->tree_count > 0 && k < SV_TREE_FORM_COUNT; k++) {
+            enum sv_tree_form form = (enum sv_tree_form)k;
+            out[i].forms[out[i].form_count++] =
+                (struct sv_form_facts){sv_tree_form_name(form), sv_tree_draw_bytes(draw, i, form),
+                                       sv_tree_draw_built(draw, i, form)};
         }
     }
 }
@@ -166,6 +164,16 @@ static char *make_document(const struct sv_backend *backend)
     free(species);
     free(objects);
     return document;
+}
+
+bool sv_backend_renew_document(struct sv_backend *backend)
+{
+    char *document = make_document(backend);
+    if (!document)
+        return false;
+    free(backend->document);
+    backend->document = document;
+    return true;
 }
 
 /* ---- loading ---- */
@@ -229,11 +237,10 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
         status = make_renderer(backend, !options->one_picture, errors);
     }
     if (status == SV_OK) {
+        backend->load_s = (now_ms() - start) * 1e-3;
         backend->pixels_max = options->pixels_max;
         backend->sample_pixels_max = options->sample_pixels_max;
-        backend->load_s = (now_ms() - start) * 1e-3;
-        backend->document = make_document(backend);
-        if (!backend->document) {
+        if (!sv_backend_renew_document(backend)) {
             sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
             status = SV_ENOMEM;
         }
@@ -277,9 +284,7 @@ enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, si
     sv_scene_patch_finish(&patch);
     if (status != SV_OK)
         return status;
-    free(backend->document);
-    backend->document = make_document(backend);
-    if (backend->document)
+    if (sv_backend_renew_document(backend))
         return SV_OK;
     sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
     return SV_ENOMEM;
@@ -300,6 +305,31 @@ enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_vi
     enum sv_status status = sv_view_resolve(backend->scene, request, view, ground_z, error);
     *has_ground = status == SV_EUNDERGROUND;
     return status;
+}
+
+/* ---- forms of trees ---- */
+
+int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view)
+{
+    const struct sv_tree_draw *draw = sv_renderer_trees(backend->renderer);
+    enum sv_tree_form form = sv_renderer_tree_form(view->plan.trees);
+    if (!backend->store || !draw || !view->plan.draw_trees || view->plan.raycast)
+        return 0;
+    for (int k = 0; k < backend->scene->species_count; k++)
+        if (!sv_tree_draw_built(draw, k, form))
+            return (int)form;
+    return 0;
+}
+
+void sv_backend_build(const struct sv_backend *backend, int form)
+{
+    struct sv_error error;
+    double start = now_ms();
+    const char *name = sv_tree_form_name((enum sv_tree_form)form);
+    if (sv_tree_draw_build(sv_renderer_trees(backend->renderer), (enum sv_tree_form)form, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "build", "form %s: %s: %s", name, error.field, error.message);
+    else
+        sv_log(SV_LOG_INFO, "build", "form %s of all species in %.0f ms", name, now_ms() - start);
 }
 
 enum sv_status sv_backend_draw(struct sv_backend *backend, const struct sv_view_request *request,

@@ -44,6 +44,13 @@ SV_MUST_CHECK enum sv_status sv_backend_load(const struct sv_backend_options *op
 SV_MUST_CHECK enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
                                               struct sv_scene_change *change, struct sv_errors *errors);
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts);
+/* The form of trees that drawing the view has to build first, for seconds, and that could be built beside it:
+ * 0: none. */
+int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view);
+/* Builds that form of all species, for workers to find. In a process forked for it. */
+void sv_backend_build(const struct sv_backend *backend, int form);
+/* Writes the document anew. False when that failed: the old one stands. */
+bool sv_backend_renew_document(struct sv_backend *backend);
 /* *has_ground with SV_EUNDERGROUND. */
 SV_MUST_CHECK enum sv_status sv_backend_resolve(struct sv_backend *backend,
                                                 const struct sv_view_request *request,

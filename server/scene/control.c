@@ -1,12 +1,18 @@
+/* control.c - see control.h. Forms of trees that views ask for and that are not built yet are built by one
+ * child at a time, of low priority, beside the workers: these tell by a pipe which form they lack, and take
+ * from the store what is there by then. */
 #include "server/scene/control.h"
 
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -16,6 +22,16 @@
 #include "server/log.h"
 #include "server/scene/worker.h"
 #include "server/wire.h"
+
+enum { BUILDER_NICE = 10, FORMS = 32 };
+
+struct control {
+    struct sv_backend *backend;
+    int fd, signal_fd;
+    int lacks[2];           /* pipe: forms that workers lack, a byte each */
+    pid_t builder;          /* 0: none */
+    uint32_t wanted, tried; /* forms to build; that a builder was started for: nothing is tried twice */
+};
 
 static void send_or_leave(int control_fd, const union sv_wire_message *message, int passed_fd)
 {
@@ -52,39 +68,62 @@ unsigned sv_control_threads(void)
     return count;
 }
 
-static bool say_ready(int control_fd, struct sv_backend *backend, unsigned threads)
+/* The document into a descriptor that is sent with the message; *bytes: its size. -1: logged. */
+static int facts_descriptor(const struct sv_backend_facts *facts, uint64_t *bytes)
+{
+    *bytes = strlen(facts->document);
+    int fd = sv_wire_text_descriptor(facts->document, *bytes);
+    if (fd < 0)
+        sv_log(SV_LOG_ERROR, "control", "facts: %s", strerror(errno));
+    return fd;
+}
+
+static bool say_ready(const struct control *c, unsigned threads)
 {
     union sv_wire_message message;
     struct sv_backend_facts facts;
-    sv_backend_facts(backend, &facts);
+    sv_backend_facts(c->backend, &facts);
     sv_wire_init(&message, SV_WIRE_READY, 0);
     message.ready.scene_version = facts.version;
-    message.ready.facts_bytes = strlen(facts.document);
     message.ready.relief_distance_m = facts.relief_distance_m;
     message.ready.epsg = facts.epsg;
     unsigned now = sv_control_threads();
     message.ready.new_threads = now > threads ? now - threads : 0;
-    int fd = sv_wire_text_descriptor(facts.document, message.ready.facts_bytes);
-    if (fd < 0) {
-        sv_log(SV_LOG_ERROR, "control", "facts: %s", strerror(errno));
+    int fd = facts_descriptor(&facts, &message.ready.facts_bytes);
+    if (fd < 0)
         return false;
-    }
-    send_or_leave(control_fd, &message, fd);
+    send_or_leave(c->fd, &message, fd);
     close(fd);
     return true;
 }
 
+static void say_facts(const struct control *c)
+{
+    union sv_wire_message message;
+    struct sv_backend_facts facts;
+    if (!sv_backend_renew_document(c->backend))
+        return;
+    sv_backend_facts(c->backend, &facts);
+    sv_wire_init(&message, SV_WIRE_FACTS, 0);
+    int fd = facts_descriptor(&facts, &message.facts.facts_bytes);
+    if (fd < 0)
+        return;
+    send_or_leave(c->fd, &message, fd);
+    close(fd);
+}
+
 /* Forks a worker that lives on the socket, and tells its pidfd: it is opened here, before anybody can reap
  * the child, so that it can mean no other process. */
-static void fork_worker(struct sv_backend *backend, int control_fd, int signal_fd, uint64_t id, int socket)
+static void fork_worker(const struct control *c, uint64_t id, int socket)
 {
     union sv_wire_message message;
     pid_t parent = getpid();
     pid_t pid = fork();
     if (pid == 0) {
-        close(control_fd);
-        close(signal_fd);
-        sv_worker_live(backend, socket, parent);
+        close(c->fd);
+        close(c->signal_fd);
+        close(c->lacks[0]);
+        sv_worker_live(c->backend, socket, c->lacks[1], parent);
     }
     int fork_error = errno;
     int pidfd = pid > 0 ? (int)syscall(SYS_pidfd_open, pid, 0) : -1;
@@ -93,24 +132,76 @@ static void fork_worker(struct sv_backend *backend, int control_fd, int signal_f
     message.forked.error_number = pid < 0 ? fork_error : pidfd < 0 ? errno : 0;
     if (pid > 0 && pidfd < 0)
         kill(pid, SIGKILL);
-    send_or_leave(control_fd, &message, pidfd);
+    send_or_leave(c->fd, &message, pidfd);
     if (pidfd >= 0)
         close(pidfd);
 }
 
-static void reap(int control_fd, int signal_fd)
+/* ---- building in the background ---- */
+
+_Noreturn static void be_builder(const struct control *c, int form, pid_t parent)
+{
+    /* The parent may have died before prctl: then nobody will ever send the signal. */
+    if (prctl(PR_SET_PDEATHSIG, SIGKILL) || getppid() != parent)
+        _exit(1);
+    prctl(PR_SET_NAME, "silvista-build");
+    close(c->fd);
+    if (setpriority(PRIO_PROCESS, 0, BUILDER_NICE))
+        sv_log(SV_LOG_WARNING, "build", "priority: %s", strerror(errno));
+    sv_backend_build(c->backend, form);
+    _exit(0);
+}
+
+static void start_builder(struct control *c)
+{
+    pid_t parent = getpid();
+    int form = 0;
+    if (c->builder || !c->wanted)
+        return;
+    while (!(c->wanted >> form & 1))
+        form++;
+    c->wanted &= ~(UINT32_C(1) << form);
+    c->tried |= UINT32_C(1) << form;
+    pid_t pid = fork();
+    if (pid == 0)
+        be_builder(c, form, parent);
+    if (pid < 0)
+        sv_log(SV_LOG_WARNING, "build", "fork: %s: workers build what they need", strerror(errno));
+    else
+        c->builder = pid;
+}
+
+static void hear_lacks(struct control *c)
+{
+    uint8_t forms[64];
+    ssize_t count = read(c->lacks[0], forms, sizeof forms);
+    for (ssize_t k = 0; k < count; k++)
+        if (forms[k] < FORMS)
+            c->wanted |= UINT32_C(1) << forms[k] & ~c->tried;
+    start_builder(c);
+}
+
+/* ---- children and orders ---- */
+
+static void reap(struct control *c)
 {
     struct signalfd_siginfo info;
     union sv_wire_message message;
     int status;
     pid_t pid;
-    while (read(signal_fd, &info, sizeof info) == (ssize_t)sizeof info)
+    while (read(c->signal_fd, &info, sizeof info) == (ssize_t)sizeof info)
         ;
     while ((pid = waitpid(-1, &status, WNOHANG)) > 0) {
+        if (pid == c->builder) {
+            c->builder = 0;
+            say_facts(c);
+            start_builder(c);
+            continue;
+        }
         sv_wire_init(&message, SV_WIRE_EXITED, 0);
         message.exited.pid = (int32_t)pid;
         message.exited.wait_status = status;
-        send_or_leave(control_fd, &message, -1);
+        send_or_leave(c->fd, &message, -1);
     }
 }
 
@@ -173,7 +264,7 @@ _Noreturn static void be_successor(struct sv_backend *backend, int control_fd, p
 }
 
 /* Forks the process that serves the patched scene (copy on write); this one goes on as it is. */
-static void fork_successor(struct sv_backend *backend, int control_fd, int signal_fd, uint64_t id, int socket)
+static void fork_successor(const struct control *c, uint64_t id, int socket)
 {
     union sv_wire_message message;
     pid_t daemon = getppid(), middle = fork();
@@ -189,31 +280,32 @@ static void fork_successor(struct sv_backend *backend, int control_fd, int signa
         pid = fork();
         fork_error = errno;
         if (pid == 0) {
-            close(control_fd);
-            close(signal_fd);
-            be_successor(backend, socket, self, daemon);
+            const int own[] = {c->fd, c->signal_fd, c->lacks[0], c->lacks[1]};
+            for (size_t k = 0; k < sizeof own / sizeof own[0]; k++)
+                close(own[k]);
+            be_successor(c->backend, socket, self, daemon);
         }
     }
     sv_wire_init(&message, SV_WIRE_FOLLOWED, id);
     message.followed.pid = pid > 0 ? (int32_t)pid : 0;
     message.followed.error_number = pid > 0 ? 0 : fork_error;
-    send_or_leave(control_fd, &message, -1);
+    send_or_leave(c->fd, &message, -1);
     if (middle == 0)
         _exit(0);
 }
 
 /* False when the daemon has closed. */
-static bool take_order(struct sv_backend *backend, int control_fd, int signal_fd)
+static bool take_order(const struct control *c)
 {
     union sv_wire_message message;
     struct sv_error error;
     int socket = -1;
-    enum sv_status status = sv_wire_receive(control_fd, &message, &socket, &error);
+    enum sv_status status = sv_wire_receive(c->fd, &message, &socket, &error);
     if (status == SV_ENOENT)
         return false;
     bool fork_order = message.head.type == SV_WIRE_FORK, patch_order = message.head.type == SV_WIRE_PATCH;
     if (status == SV_OK && (fork_order || patch_order) && socket >= 0) {
-        (fork_order ? fork_worker : fork_successor)(backend, control_fd, signal_fd, message.head.id, socket);
+        (fork_order ? fork_worker : fork_successor)(c, message.head.id, socket);
         close(socket);
         return true;
     }
@@ -225,20 +317,25 @@ static bool take_order(struct sv_backend *backend, int control_fd, int signal_fd
 
 int sv_control_serve(int control_fd, struct sv_backend *backend, unsigned threads)
 {
+    struct control c = {.backend = backend, .fd = control_fd};
     sigset_t set;
     sigemptyset(&set);
     sigaddset(&set, SIGCHLD);
     sigprocmask(SIG_BLOCK, &set, NULL);
-    int signal_fd = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
-    if (signal_fd < 0 || !say_ready(control_fd, backend, threads))
+    c.signal_fd = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
+    if (c.signal_fd < 0 || pipe2(c.lacks, O_CLOEXEC | O_NONBLOCK) || !say_ready(&c, threads))
         return EXIT_FAILURE;
-    struct pollfd polled[2] = {{.fd = control_fd, .events = POLLIN}, {.fd = signal_fd, .events = POLLIN}};
+    struct pollfd polled[3] = {{.fd = control_fd, .events = POLLIN},
+                               {.fd = c.signal_fd, .events = POLLIN},
+                               {.fd = c.lacks[0], .events = POLLIN}};
     for (;;) {
-        if (poll(polled, 2, -1) < 0 && errno != EINTR)
+        if (poll(polled, 3, -1) < 0 && errno != EINTR)
             return EXIT_FAILURE;
+        if (polled[2].revents)
+            hear_lacks(&c);
         if (polled[1].revents)
-            reap(control_fd, signal_fd);
-        if (polled[0].revents && !take_order(backend, control_fd, signal_fd))
+            reap(&c);
+        if (polled[0].revents && !take_order(&c))
             return EXIT_SUCCESS;
     }
 }

@@ -53,7 +53,15 @@ static void do_resolve(struct sv_backend *backend, const struct sv_wire_resolve 
     out->plan_ms = now_ms() - start;
 }
 
-static void do_view(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd,
+/* Asks for help with a form that is to be built: what others build is only loaded here. */
+static void tell_lack(const struct sv_backend *backend, const struct sv_resolved_view *view, int lacks_fd)
+{
+    uint8_t form = (uint8_t)sv_backend_lacks(backend, view);
+    if (form && write(lacks_fd, &form, 1) != 1)
+        sv_log(SV_LOG_DEBUG, "worker", "nobody is asked to build form %d", form);
+}
+
+static void do_view(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd, int lacks_fd,
                     union sv_wire_message *answer)
 {
     struct sv_wire_drawn *out = &answer->drawn;
@@ -62,6 +70,7 @@ static void do_view(struct sv_backend *backend, const struct sv_wire_view *job, 
     sv_wire_init(answer, SV_WIRE_DRAWN, job->head.id);
     for (int s = 0; s < SV_STAGE_COUNT; s++)
         out->timings.ms[s] = -1;
+    tell_lack(backend, &job->view, lacks_fd);
     sv_hooks_before_draw(job->request.width);
     enum sv_status status = sv_backend_draw(backend, &job->request, &job->view, job->epsg, &bytes, &size,
                                             &out->timings, &out->stats, &out->error);
@@ -73,7 +82,7 @@ static void do_view(struct sv_backend *backend, const struct sv_wire_view *job, 
 }
 
 /* One job; false when the socket is closed or broken. */
-static bool serve_one(struct sv_backend *backend, int fd)
+static bool serve_one(struct sv_backend *backend, int fd, int lacks_fd)
 {
     static union sv_wire_message job, answer;
     struct sv_error error;
@@ -84,7 +93,7 @@ static bool serve_one(struct sv_backend *backend, int fd)
     if (job.head.type == SV_WIRE_RESOLVE)
         do_resolve(backend, &job.resolve, &answer);
     else if (job.head.type == SV_WIRE_VIEW && slab_fd >= 0)
-        do_view(backend, &job.view, slab_fd, &answer);
+        do_view(backend, &job.view, slab_fd, lacks_fd, &answer);
     else
         status = SV_EFORMAT;
     if (slab_fd >= 0)
@@ -92,7 +101,7 @@ static bool serve_one(struct sv_backend *backend, int fd)
     return status == SV_OK && sv_wire_send(fd, &answer, -1, &error) == SV_OK;
 }
 
-_Noreturn void sv_worker_live(struct sv_backend *backend, int fd, pid_t parent)
+_Noreturn void sv_worker_live(struct sv_backend *backend, int fd, int lacks_fd, pid_t parent)
 {
     sigset_t none;
     /* The parent may have died before prctl: then nobody will ever send the signal. */
@@ -101,7 +110,7 @@ _Noreturn void sv_worker_live(struct sv_backend *backend, int fd, pid_t parent)
     prctl(PR_SET_NAME, "silvista-worker");
     sigemptyset(&none);
     sigprocmask(SIG_SETMASK, &none, NULL);
-    while (serve_one(backend, fd))
+    while (serve_one(backend, fd, lacks_fd))
         ;
     _exit(0);
 }

@@ -8,7 +8,8 @@
 #include "server/scene/backend.h"
 
 /* Never returns; leaves by _exit only (status 0 when the daemon closed the socket). parent: the scene
- * process, with which it dies. */
-_Noreturn void sv_worker_live(struct sv_backend *backend, int fd, pid_t parent);
+ * process, with which it dies. lacks_fd: where a byte goes for each view that has a form to build
+ * (sv_backend_lacks), before it is drawn; a full pipe loses it. */
+_Noreturn void sv_worker_live(struct sv_backend *backend, int fd, int lacks_fd, pid_t parent);
 
 #endif

@@ -30,7 +30,7 @@ static void full(void **state)
 {
     (void)state;
     const struct sv_species_facts species[2] = {
-        {"spruce", 24000, 39000, 80000, 160000, {{"polygon", 5000000}, {"impostor", 262144}}, 2},
+        {"spruce", 24000, 39000, 80000, 160000, {{"billboard", 42336864, false}, {"coarse", 262144, true}}, 2},
         {.name = "b\xC3\xBC"
                  "che\xFF",
          .tree_count = 16000}};
@@ -78,7 +78,11 @@ static void full(void **state)
     assert_non_null(strstr(cJSON_GetStringValue(at(root, "terrain", "diagonal")), "alternating"));
     const cJSON *list = cJSON_GetObjectItem(root, "species");
     assert_int_equal(cJSON_GetArraySize(list), 2);
-    assert_true(cJSON_GetNumberValue(at(cJSON_GetArrayItem(list, 0), "bytes", "impostor")) == 262144);
+    const cJSON *first = cJSON_GetArrayItem(list, 0), *built = cJSON_GetObjectItem(first, "built");
+    assert_true(cJSON_GetNumberValue(at(first, "bytes", "coarse")) == 262144);
+    assert_true(cJSON_GetNumberValue(at(first, "bytes", "billboard")) == 42336864);
+    assert_int_equal(cJSON_GetArraySize(built), 1);
+    assert_string_equal(cJSON_GetStringValue(cJSON_GetArrayItem(built, 0)), "coarse");
     assert_string_equal(cJSON_GetStringValue(cJSON_GetObjectItem(cJSON_GetArrayItem(list, 1), "name")),
                         "b\xC3\xBC"
                         "che\\xFF");

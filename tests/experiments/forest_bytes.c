@@ -3,7 +3,7 @@
  * forest_bytes [--trees NAME,...] [--store DIR] [--models DIR] [--forms NAME,...]
  * kept: the form's blob, as built. texture: of it, the texture as it would be shipped (density: the DDS
  * file). GL: textures with mip levels, and planes, as drawn. The clouds are made once, before; ms is the form
- * alone. */
+ * alone. layered: the lists of Garcia et al. 2007, bytes alone. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +13,7 @@
 #include "core/image/encode.h"
 #include "core/tree/density.h"
 #include "core/tree/draw_cloud_form.h"
+#include "core/tree/indirect.h"
 #include "tests/experiments/tree_forms.h"
 #include "tests/experiments/tree_options.h"
 
@@ -48,6 +49,19 @@ static void print_row(const struct tree_kit *kit, const struct sv_tree_cloud *cl
     printf("\n");
 }
 
+/* The layered form of 2007, of which nothing is drawn: what it would take beside the one-layer form's
+ * textures. */
+static void print_layered(const struct tree_kit *kit, const struct sv_tree_cloud *cloud)
+{
+    struct sv_indirect_layers layers;
+    struct sv_error error;
+    tree_kit_must(
+        sv_indirect_count_layers(&kit->mesh, cloud, SV_INDIRECT_OPTIONS_DEFAULT.side, &layers, &error),
+        &error);
+    printf("  %-14s %11zu %11s %11s              %.2f leaves a texel, at most %u\n", "layered", layers.bytes,
+           "", "", layers.texels ? (double)layers.entries / (double)layers.texels : 0, layers.deepest);
+}
+
 static void run_tree(const struct tree_options *o, int tree)
 {
     struct tree_kit kit;
@@ -73,6 +87,7 @@ static void run_tree(const struct tree_options *o, int tree)
         else
             printf("  %-14s %11s %11s %11zu\n", tree_forms_name(f), "", "", tree_forms_bytes(forms, f));
     }
+    print_layered(&kit, &cloud);
     fflush(stdout);
     sv_tree_cloud_finish(&cloud);
     tree_forms_destroy(forms);

@@ -16,6 +16,11 @@
  * `worst` each by largest change, by change over that of the frames before and after, and by tone over
  * theirs; and for those where a tree passes from one form into the other.
  *
+ * Trees pop by their forms, and forms are drawn alike without shadows. So a pair that pops is drawn and cast
+ * again with shadows off: where no tile is over the same allowance then, it was the shadows' resolution on
+ * the ground (soft texels beside leaves' sharp outlines), which is told with its own figures and counted
+ * apart.
+ *
  * FOLDER: motion.csv (every pair), PATH-frames.png (every 10th frame), PATH-worst.png (a row a pair, worst
  * first: ours, ours a frame later, their difference times 4; the same of the truth), and the worst pair's
  * pictures as they are. */
@@ -62,7 +67,9 @@ struct verdict {
     double excess, tone; /* over the tiles the largest of change less truth and floor, and of tone beyond
                             the truth's, each less SHARE of the truth's change */
     int excess_tile, tone_tile;
-    bool pops;
+    bool pops;                       /* in either way */
+    bool shadow;                     /* by the shadows' resolution: without shadows it does not */
+    double plain_excess, plain_tone; /* of a pair that pops: without shadows */
 };
 
 struct run {
@@ -237,41 +244,76 @@ static double jump_of(const struct run *run, int pair, enum measure measure, int
 
 /* ---- against the truth ---- */
 
-static void judge(struct run *run, int pair)
+/* What the truth says of a pair whose steps are given; shadows: as the scene has them, or off. */
+static struct verdict compare_pair(const struct run *run, int pair, bool shadows, const struct step *steps)
 {
-    struct verdict *v = &run->verdicts[pair];
+    struct verdict v = {.cast = true, .excess = -1e9, .tone = -1e9};
     struct sv_image truth[2], few;
-    if (v->cast)
-        return;
-    *v = (struct verdict){.cast = true, .excess = -1e9, .tone = -1e9};
-    for (int k = 0; k < 2; k++) {
-        struct sv_view_request r = frame_request(run, pair + k);
+    struct sv_view_request r;
+    for (int k = 1; k >= 0; k--) { /* r is the first frame's in the end */
+        r = frame_request(run, pair + k);
+        r.shadows = r.shadows && shadows;
         forest_truth_of(run->forest, &r, TRUTH_SAMPLES, &truth[k]);
     }
-    struct sv_view_request r = frame_request(run, pair);
     forest_truth_of(run->forest, &r, FLOOR_SAMPLES, &few);
     for (int t = 0; t < run->tiles; t++) {
         struct step s = step_of(&truth[0], &truth[1], run->across, t);
         struct step floor = step_of(&truth[0], &few, run->across, t);
-        const struct step *ours = &steps_of(run, pair)[t];
+        const struct step *ours = &steps[t];
         double moved = ALLOWED_SHARE * (double)s.change, tone = tone_beyond(ours, &s) - moved;
         double excess = (double)(ours->change - s.change - floor.change) - moved;
-        v->truth_mean += (double)s.change / run->tiles;
-        v->truth_max = fmax(v->truth_max, (double)s.change);
-        v->floor_mean += (double)floor.change / run->tiles;
-        if (excess > v->excess) {
-            v->excess = excess;
-            v->excess_tile = t;
+        v.truth_mean += (double)s.change / run->tiles;
+        v.truth_max = fmax(v.truth_max, (double)s.change);
+        v.floor_mean += (double)floor.change / run->tiles;
+        if (excess > v.excess) {
+            v.excess = excess;
+            v.excess_tile = t;
         }
-        if (tone > v->tone) {
-            v->tone = tone;
-            v->tone_tile = t;
+        if (tone > v.tone) {
+            v.tone = tone;
+            v.tone_tile = t;
         }
     }
-    v->pops = fmax(v->excess, v->tone) > ALLOWED_LEVELS;
+    v.pops = fmax(v.excess, v.tone) > ALLOWED_LEVELS;
     sv_image_free(&truth[0]);
     sv_image_free(&truth[1]);
     sv_image_free(&few);
+    return v;
+}
+
+/* The pair drawn and cast again without shadows. */
+static struct verdict compare_plain(const struct run *run, int pair)
+{
+    struct sv_image pictures[2];
+    struct step *steps = must(calloc((size_t)run->tiles, sizeof *steps));
+    for (int k = 0; k < 2; k++) {
+        struct sv_view_request r = frame_request(run, pair + k);
+        struct sv_picture picture;
+        r.shadows = false;
+        forest_draw(run->forest, &r, &picture, NULL, NULL, NULL);
+        pictures[k] = picture.layer[SV_LAYER_COLOR];
+    }
+    for (int t = 0; t < run->tiles; t++)
+        steps[t] = step_of(&pictures[0], &pictures[1], run->across, t);
+    struct verdict v = compare_pair(run, pair, false, steps);
+    sv_image_free(&pictures[0]);
+    sv_image_free(&pictures[1]);
+    free(steps);
+    return v;
+}
+
+static void judge(struct run *run, int pair)
+{
+    struct verdict *v = &run->verdicts[pair];
+    if (v->cast)
+        return;
+    *v = compare_pair(run, pair, true, steps_of(run, pair));
+    if (!v->pops || !run->start.shadows)
+        return;
+    struct verdict plain = compare_plain(run, pair);
+    v->shadow = !plain.pops;
+    v->plain_excess = plain.excess;
+    v->plain_tone = plain.tone;
 }
 
 /* The pairs whose jumps by a measure are largest. */
@@ -340,9 +382,9 @@ static void write_rows(const struct run *run, FILE *csv)
             fprintf(csv, ",%.3f,%.3f,%.3f,%.3f,%d,%d", v->truth_mean, v->truth_max, v->floor_mean, v->excess,
                     x, y);
             place_of(run, v->tone_tile, &x, &y);
-            fprintf(csv, ",%.3f,%d,%d,%d\n", v->tone, x, y, v->pops);
+            fprintf(csv, ",%.3f,%d,%d,%d,%d\n", v->tone, x, y, v->pops, v->shadow);
         } else {
-            fprintf(csv, ",,,,,,,,,,\n");
+            fprintf(csv, ",,,,,,,,,,,\n");
         }
     }
 }
@@ -379,8 +421,12 @@ static void write_pair(const struct run *run, int pair, struct motion_sheet *she
     int x, y;
     bool by_tone = v->tone > v->excess;
     place_of(run, by_tone ? v->tone_tile : v->excess_tile, &x, &y);
-    printf("  pair %d at %d %d: change over the truth's %.2f, tone beyond %.2f%s\n", pair, x, y, v->excess,
-           v->tone, v->pops ? ": POPS" : "");
+    printf("  pair %d at %d %d: change over the truth's %.2f, tone beyond %.2f", pair, x, y, v->excess,
+           v->tone);
+    if (v->pops)
+        printf(": %s; without shadows %.2f, %.2f", v->shadow ? "SHADOW" : "POPS", v->plain_excess,
+               v->plain_tone);
+    printf("\n");
     if (!run->options->folder)
         return;
     for (int k = 0; k < 2; k++) {
@@ -428,14 +474,15 @@ static void write_worst(struct run *run)
 
 static void summarize(const struct run *run)
 {
-    int judged = 0, pops = 0;
+    int judged = 0, pops = 0, shadows = 0;
     double excess = -1e9, tone = -1e9, truth = 0, ours = 0, floor = 0;
     for (int p = 0; p < run->options->frames - 1; p++) {
         const struct verdict *v = &run->verdicts[p];
         if (!v->cast)
             continue;
         judged++;
-        pops += v->pops;
+        pops += v->pops && !v->shadow;
+        shadows += v->shadow;
         excess = fmax(excess, v->excess);
         tone = fmax(tone, v->tone);
         truth += v->truth_mean;
@@ -445,9 +492,9 @@ static void summarize(const struct run *run)
     }
     printf("%s %s: %d pairs against the truth: mean change %.2f (truth %.2f, floor %.2f); most over truth "
            "and floor "
-           "%.2f, tone beyond %.2f, of %.0f allowed; %d pop\n",
+           "%.2f, tone beyond %.2f, of %.0f allowed; %d pop, %d more by the shadows' resolution\n",
            paths[run->path].name, sv_trees_name(run->options->form), judged, ours / judged, truth / judged,
-           floor / judged, excess, tone, ALLOWED_LEVELS, pops);
+           floor / judged, excess, tone, ALLOWED_LEVELS, pops, shadows);
 }
 
 static void run_path(const struct options *options, const struct forest *forest, enum path path, FILE *csv)
@@ -556,7 +603,7 @@ int main(int argc, char **argv)
         }
         fprintf(csv,
                 "path,pair,near_trees,far_trees,change_mean,change_max,x,y,spike_max,x,y,tone_jump_max,x,y,"
-                "truth_mean,truth_max,floor_mean,excess_max,x,y,tone_beyond_max,x,y,pops\n");
+                "truth_mean,truth_max,floor_mean,excess_max,x,y,tone_beyond_max,x,y,pops,shadow\n");
     }
     struct forest forest;
     if (o.scene)

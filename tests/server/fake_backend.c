@@ -116,6 +116,25 @@ void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts 
         .version = backend->version, .relief_distance_m = 100, .document = backend->document};
 }
 
+int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view)
+{
+    (void)backend;
+    (void)view;
+    return 0;
+}
+
+void sv_backend_build(const struct sv_backend *backend, int form)
+{
+    (void)backend;
+    (void)form;
+}
+
+bool sv_backend_renew_document(struct sv_backend *backend)
+{
+    (void)backend;
+    return true;
+}
+
 enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_view_request *request,
                                   struct sv_resolved_view *view, bool *has_ground, double *ground_z,
                                   struct sv_error *error)

@@ -6,7 +6,7 @@
 #endif
 
 layout(location = 5) uniform float leaf_translucency; // mean of the leaves'
-layout(location = 8) uniform vec4 params[4]; // struct sv_cloud_textures
+layout(location = 8) uniform vec4 params[5]; // struct sv_cloud_textures
 
 in vec3 st;
 in vec4 to_viewer;

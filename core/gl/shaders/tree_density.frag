@@ -8,6 +8,13 @@ layout(binding = 2) uniform sampler2DArray light;   // openness
 
 const float TILE = 128.0; // SV_DENSITY_TILE
 
+// TWIN: sv_density_finer; scales of levels -1 .. 4 in params[1].zw and [4].
+float finer(float lod)
+{
+    float at = clamp(lod + 1.0, 0.0, 5.0);
+    return dot(params[1].zw, max(1.0 - abs(at - vec2(0.0, 1.0)), 0.0)) + dot(params[4], max(1.0 - abs(at - vec4(2.0, 3.0, 4.0, 5.0)), 0.0));
+}
+
 // Coverage where a texel takes up more than a pixel: edges as sharp as pixels allow, no more and no less area.
 float sharpened(float coverage, float lod)
 {
@@ -30,7 +37,8 @@ float bar_of(float lod)
 void main()
 {
     vec2 dx = dFdx(st.xy) * TILE, dy = dFdy(st.xy) * TILE;
-    float lod = 0.5 * log2(max(abs(dx.x * dy.y - dx.y * dy.x), 1e-12)) + params[1].z; // density.finer
+    float lod = 0.5 * log2(max(abs(dx.x * dy.y - dx.y * dy.x), 1e-12));
+    lod += finer(lod);
     vec4 rgba = textureLod(albedo, st, lod);
     float alpha = sharpened(rgba.a, lod);
     cloud_test(alpha, bar_of(lod));

@@ -418,13 +418,62 @@ static void test_concurrent(void **state)
                      count_files(f, ""));
 }
 
+/* Children look, claim, look again and build: whoever is second finds what the first has built. A claim of one that
+ * died is free. */
+static void test_claims(void **state)
+{
+    struct folder *f = *state;
+    enum { CHILDREN = 4, KEYS = 20 };
+    pid_t children[CHILDREN];
+    assert_false(sv_store_has(f->store, "k", 1));
+    int held = sv_store_claim(f->store, "k", 1), other = sv_store_claim(f->store, "k", 2);
+    assert_true(held != SV_STORE_UNCLAIMED && other != SV_STORE_UNCLAIMED);
+    pid_t dies = fork();
+    if (dies == 0) {
+        int claim = sv_store_claim(f->store, "k", 3);
+        _exit(claim == SV_STORE_UNCLAIMED ? 1 : 0);
+    }
+    int status;
+    assert_int_equal(waitpid(dies, &status, 0), dies);
+    assert_int_equal(status, 0);
+    for (int w = 0; w < CHILDREN; w++) {
+        children[w] = fork();
+        if (children[w] != 0)
+            continue;
+        int built = 0;
+        for (uint64_t key = 1; key <= KEYS; key++) {
+            int claim = sv_store_claim(f->store, "k", key);
+            if (!sv_store_has(f->store, "k", key)) {
+                nanosleep(&(struct timespec){0, 2000000}, NULL); /* room for another to do the same */
+                built += sv_store_put(f->store, "k", key, &w, sizeof w, NULL) == SV_OK;
+            }
+            sv_store_release(claim);
+        }
+        _exit(built);
+    }
+    put(f, "k", 1, "x", 1); /* all children wait for this one, or have not come to it yet */
+    sv_store_release(other);
+    sv_store_release(held);
+    int built = 1;
+    for (int w = 0; w < CHILDREN; w++) {
+        assert_int_equal(waitpid(children[w], &status, 0), children[w]);
+        assert_true(WIFEXITED(status));
+        built += WEXITSTATUS(status);
+    }
+    assert_int_equal(built, KEYS);
+    assert_true(has(f, "k", 1, "x", 1));
+    assert_int_equal(sv_store_claim(NULL, "k", 1), SV_STORE_UNCLAIMED);
+    assert_false(sv_store_has(NULL, "k", 1));
+    sv_store_release(SV_STORE_UNCLAIMED);
+}
+
 int main(void)
 {
 #define T(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
     const struct CMUnitTest tests[] = {T(test_round_trip), T(test_large),     T(test_damage),
                                        T(test_foreign),    T(test_budget),    T(test_stale_temporaries),
                                        T(test_read_only),  T(test_full),      T(test_absent),
-                                       T(test_kinds),      T(test_concurrent)};
+                                       T(test_kinds),      T(test_concurrent), T(test_claims)};
 #undef T
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,4 +8,5 @@ if(TARGET sv_relief_object AND TARGET sv_relief_warp AND TARGET sv_relief_bake A
           LIBS sv_relief_object embree LABELS "relief;gl")
   sv_test(test_object_look SOURCES test_object_look.c ../../experiments/object_kit.c
           LIBS sv_relief_object LABELS "relief;gl")
+  sv_test(test_object_casters LIBS sv_relief_object LABELS relief)
 endif()

@@ -295,14 +295,15 @@ static float odd_float(struct sv_rng *rng)
     return ODD[sv_rng_next(rng) >> 61];
 }
 
-/* One span of `count` texels between guard pages, with every kind of number in it, both ways. */
-static void compare_span(struct sv_rng *rng, int count, bool at_end, bool specular, bool lit, int *worst)
+/* Two rows of `width` texels between guard pages, with every kind of number in them, both ways. */
+static void compare_rows(struct sv_rng *rng, int width, bool at_end, bool specular, bool lit, bool planes,
+                         int *worst)
 {
-    size_t n = (size_t)count;
+    size_t n = 2 * (size_t)width;
     struct guarded color = guard(4 * n, at_end), normal = guard(8 * n, at_end), displ = guard(4 * n, at_end),
-                   share = guard(n, at_end), wide = guard(4 * n, at_end);
-    uint8_t plain[64][4];
-    struct sv_relief r = random_relief(rng, 8, 8);
+                   share = guard(n, at_end), wide = guard(4 * n, at_end), plane = guard(8 * n, at_end);
+    uint8_t plain[2 * 33][4];
+    struct sv_relief r = random_relief(rng, 8, 9);
     struct sv_light light;
     struct sv_relief_light o = random_light(rng, &r, &light);
     struct sv_relief_light_row row = {.shininess = o.shininess, .specular = specular, .pitch = {0.5f, 0.25f}};
@@ -323,27 +324,32 @@ static void compare_span(struct sv_rng *rng, int count, bool at_end, bool specul
         row.mirror[c] = 0.6f * row.sun[c];
         row.eye[c] = sv_rng_unit(rng) < 0.1 ? odd_float(rng) : (float)sv_rng_range(rng, -20, 20);
     }
-    struct sv_relief_light_span span = {.color = (const uint8_t(*)[4])(const void *)color.at,
-                                        .normal = (const int16_t(*)[4])(const void *)normal.at,
-                                        .displ = (const float *)(const void *)displ.at,
-                                        .lit = lit ? share.at : NULL,
-                                        .rgba = plain,
-                                        .row = 3,
-                                        .last = count};
-    sv_relief_light_span_scalar(&row, &span);
-    span.rgba = (uint8_t(*)[4])(void *)wide.at;
-    span.first = sv_relief_light_span_avx2(&row, &span);
-    assert_int_equal(span.first, count / 8 * 8);
-    sv_relief_light_span_scalar(&row, &span);
+    struct sv_relief_light_sheet sheet = {.width = width,
+                                          .color = (const uint8_t(*)[4])(const void *)color.at,
+                                          .normal = (const int16_t(*)[4])(const void *)normal.at,
+                                          .displ = (const float *)(const void *)displ.at,
+                                          .lit = lit ? share.at : NULL,
+                                          .rgba = plain};
+    for (size_t c = 0; planes && c < 4; c++) {
+        sheet.plane[c] = (const int16_t *)(const void *)plane.at + c * n;
+        for (size_t k = 0; k < n; k++)
+            memcpy(plane.at + 2 * (c * n + k), &r.normal[k][c], 2);
+    }
+    struct sv_relief_eight list[SV_RELIEF_LIST_ROOM];
+    int first = 0, count = sv_relief_list_eights(NULL, width, 2, &first, list);
+    assert_int_equal(count, 2 * ((width + 7) / 8));
+    sv_relief_light_scalar(&row, &sheet, list, count);
+    sheet.rgba = (uint8_t(*)[4])(void *)wide.at;
+    sv_relief_light_avx2(&row, &sheet, list, count);
     for (size_t k = 0; k < 4 * n; k++) {
         int off = abs(wide.at[k] - plain[k / 4][k % 4]);
         if (off > 1)
-            fail_msg("count %d texel %zu channel %zu: avx2 %d, scalar %d", count, k / 4, k % 4, wide.at[k],
+            fail_msg("width %d texel %zu channel %zu: avx2 %d, scalar %d", width, k / 4, k % 4, wide.at[k],
                      plain[k / 4][k % 4]);
         *worst = off > *worst ? off : *worst;
     }
     sv_relief_finish(&r);
-    const struct guarded all[] = {color, normal, displ, share, wide};
+    const struct guarded all[] = {color, normal, displ, share, wide, plane};
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)
         munmap(all[k].map, all[k].bytes);
 }
@@ -357,42 +363,51 @@ static void test_avx2_is_scalar(void **state)
     }
     sv_color_init();
     struct sv_rng rng = sv_rng_seeded(99, 0);
-    static const int COUNTS[] = {0, 1, 7, 8, 9, 15, 16, 17, 33, 64};
+    static const int WIDTHS[] = {8, 9, 15, 16, 17, 31, 33};
     int worst = 0;
     for (int round = 0; round < 400; round++)
-        for (size_t c = 0; c < sizeof COUNTS / sizeof *COUNTS; c++)
-            compare_span(&rng, COUNTS[c], round & 1, round & 2, round & 4, &worst);
+        for (size_t c = 0; c < sizeof WIDTHS / sizeof *WIDTHS; c++)
+            compare_rows(&rng, WIDTHS[c], round & 1, round & 2, round & 4, round & 8, &worst);
     printf("avx2 against scalar: worst %d level\n", worst);
 }
 
-/* Runs hold all needed texels, in whole groups of eight where the row has as many, and nothing beyond it. */
-static void test_runs(void **state)
+/* What is needed is listed, in whole eights where the row has as many, and nothing beyond it. */
+static void test_lists(void **state)
 {
     (void)state;
-    for (int width = 1; width <= 40; width++)
-        for (unsigned mask = 0; mask < 64; mask++) { /* bit 5: all of them */
-            uint8_t groups[5], done[40] = {0};
-            int first = 0, last = 0, runs = 0;
-            for (unsigned k = 0; k < 5; k++)
-                groups[k] = mask >> k & 1;
-            while (sv_relief_next_run(mask & 32 ? NULL : groups, width, &first, &last)) {
-                assert_true(first >= 0 && first < last && last <= width && runs++ < 5);
-                assert_true(width < 8 || (last - first) % 8 == 0);
-                memset(done + first, 1, (size_t)(last - first));
-                first = last; /* as a kernel leaves it */
-            }
-            for (int i = 0; i < width; i++) {
-                bool last_group = width >= 8 && i >= width - 8 && groups[width / 8 < 5 ? width / 8 : 4];
-                bool needed = mask & 32 || groups[i / 8];
-                assert_true(done[i] ? needed || last_group : !needed);
+    enum { HEIGHT = 200 };
+    struct sv_rng rng = sv_rng_seeded(12, 0);
+    for (int width = 1; width <= 40; width++) {
+        const int stride = (width + 7) / 8;
+        static uint8_t groups[HEIGHT * 5], done[HEIGHT * 40];
+        memset(done, 0, sizeof done);
+        for (int k = 0; k < stride * HEIGHT; k++)
+            groups[k] = sv_rng_unit(&rng) < 0.6;
+        for (int row = 0, before; row < HEIGHT;) {
+            struct sv_relief_eight list[SV_RELIEF_LIST_ROOM];
+            before = row;
+            int n = sv_relief_list_eights(groups, width, HEIGHT, &row, list);
+            assert_true(n <= SV_RELIEF_LIST_ROOM && row > before && (n >= SV_RELIEF_LIST || row == HEIGHT));
+            for (int k = 0; k < n; k++) {
+                assert_true(list[k].row >= before && list[k].row < row && list[k].column >= 0);
+                assert_true(list[k].column + 8 <= width || (list[k].column == 0 && width < 8));
+                for (int i = list[k].column; i < list[k].column + 8 && i < width; i++)
+                    done[list[k].row * width + i] = 1;
             }
         }
+        for (int k = 0; k < width * HEIGHT; k++) {
+            const uint8_t *of_row = groups + k / width * stride;
+            int i = k % width;
+            bool last = width >= 8 && i >= width - 8 && of_row[stride - 1];
+            assert_int_equal(done[k], of_row[i / 8] || last);
+        }
+    }
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_runs),           cmocka_unit_test(test_planes), cmocka_unit_test(test_curved),
+        cmocka_unit_test(test_lists),          cmocka_unit_test(test_planes), cmocka_unit_test(test_curved),
         cmocka_unit_test(test_torn),           cmocka_unit_test(test_rule),   cmocka_unit_test(test_light_c),
         cmocka_unit_test(test_avx2_is_scalar),
     };

@@ -426,22 +426,22 @@ static void test_lookup_avx2(void **state)
         printf("skipped: no AVX2 here\n");
         skip();
     }
-    enum { MAP = 40, MOST = 67 };
+    enum { MAP = 40, LEAST = 8, MOST = 67 };
     static const float ODD[] = {NAN, INFINITY, -INFINITY, 1e-40f, -0.0f, 3e38f, -3e38f, 0};
     struct sv_rng rng = sv_rng_seeded(21, 0);
     float *map = must(malloc(MAP * MAP * sizeof *map));
     long shaded = 0, part = 0;
     for (int round = 0; round < 3000; round++) {
-        int n = round % MOST;
+        int n = LEAST + round % (MOST - LEAST);
         /* Exactly as much as is named, so that a read beyond is seen by the address sanitizer. */
-        struct sv_relief_lookup_row row = {.row = round % 40, .n = n};
+        struct sv_relief_lookup_sheet sheet = {.width = n};
         struct sv_relief_lookup how = {.depth = map, .width = MAP, .height = MAP, .low = 0.1f, .high = 0.5f};
         int16_t *normal[3];
         float *displ = must(malloc((size_t)n * 4 + 1)), *incoming = must(malloc((size_t)n * 4 + 1));
         uint8_t(*color)[4] = must(malloc((size_t)n * 4 + 1)), *a = must(malloc((size_t)n + 1)),
         *b = must(malloc((size_t)n + 1));
         for (int k = 0; k < 3; k++) {
-            row.normal[k] = normal[k] = must(malloc((size_t)n * 2 + 1));
+            sheet.normal[k] = normal[k] = must(malloc((size_t)n * 2 + 1));
             how.sun[k] = (float)sv_rng_range(&rng, -1, 1);
             for (int c = 0; c < 3; c++) {
                 how.at[k][c] = (float)sv_rng_range(&rng, -0.5, 1);
@@ -460,15 +460,15 @@ static void test_lookup_avx2(void **state)
                                                    : displ[i] + (float)sv_rng_range(&rng, -1, 1);
             memset(color[i], sv_rng_unit(&rng) < 0.8 ? 255 : 100, 4);
         }
-        row.displ = displ;
-        row.incoming = round & 1 ? incoming : NULL;
-        row.color = (const uint8_t(*)[4])color;
-        row.lit = a;
-        sv_relief_lookup_scalar(&how, &row, 0);
-        row.lit = b;
-        int stop = sv_relief_lookup_avx2(&how, &row);
-        assert_int_equal(stop, n / 8 * 8);
-        sv_relief_lookup_scalar(&how, &row, stop);
+        sheet.displ = displ;
+        sheet.incoming = round & 1 ? incoming : NULL;
+        sheet.color = (const uint8_t(*)[4])color;
+        struct sv_relief_eight list[SV_RELIEF_LIST_ROOM];
+        int first = 0, count = sv_relief_list_eights(NULL, n, 1, &first, list);
+        sheet.lit = a;
+        sv_relief_lookup_scalar(&how, &sheet, list, count);
+        sheet.lit = b;
+        sv_relief_lookup_avx2(&how, &sheet, list, count);
         assert_memory_equal(a, b, (size_t)n);
         for (int i = 0; i < n; i++) {
             shaded += color[i][3] == 255 && a[i] == 0;

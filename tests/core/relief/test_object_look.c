@@ -15,6 +15,7 @@
 #include "core/base/rng.h"
 #include "core/gl/context.h"
 #include "core/relief/object.h"
+#include "core/relief/object_splat_kernel.h"
 #include "tests/experiments/object_kit.h"
 
 /* Odd, so that rows do not end with a group of eight texels. */
@@ -114,6 +115,78 @@ static void test_light_in_warp(void **state)
     assert_true(pixels > 100000);
 }
 
+/* A picture of two sources that shows any texels at random places, torn ones too, in runs. */
+static void any_picture(struct sv_rng *rng, const struct sv_relief_seen *seen, struct sv_warp_buffer *buffer)
+{
+    for (int p = 0; p < buffer->width * buffer->height; p++) {
+        unsigned k = sv_rng_next(rng) >> 63;
+        bool full = sv_rng_unit(rng) < 0.9;
+        int i = (int)(sv_rng_unit(rng) * (seen->width[k] - full));
+        int j = (int)(sv_rng_unit(rng) * (seen->height[k] - full));
+        uint32_t texel = k << SV_WARP_TEXEL_BITS | (uint32_t)(j * seen->width[k] + i);
+        buffer->texel[p] = sv_rng_unit(rng) < 0.3 ? SV_WARP_EMPTY : texel;
+        buffer->place[p] = (uint16_t)((sv_rng_next(rng) >> 48 & 0xfffe) | full);
+        double same = sv_rng_unit(rng);
+        int from = same < 0.3 && p > 0 ? p - 1 : same < 0.6 && p >= buffer->width ? p - buffer->width : p;
+        buffer->texel[p] = buffer->texel[from];
+        buffer->place[p] = buffer->place[from] & (uint16_t)(sv_rng_unit(rng) < 0.1 ? 0xfffe : 0xffff);
+    }
+    buffer->x0 = buffer->y0 = 0;
+    buffer->x1 = buffer->width, buffer->y1 = buffer->height;
+}
+
+/* At each level the groups of all texels that a pixel may mix, and of no others but what a row reads beyond
+ * its end. */
+static void test_find_seen(void **state)
+{
+    (void)state;
+    enum { SIDE = 80, MOST = 12 * SIDE };
+    struct sv_rng rng = sv_rng_seeded(33, 0);
+    for (int round = 0; round < 60; round++) {
+        static uint8_t room[2][SV_RELIEF_SEEN_ROOM(SIDE, SIDE)], group[3][2][MOST], truth[2][SIDE * SIDE];
+        struct sv_relief_seen seen;
+        struct sv_warp_buffer buffer;
+        assert_int_equal(sv_warp_buffer_create(round % 20 ? 1 + round : 530, 2, &buffer, NULL), SV_OK);
+        for (int k = 0; k < 2; k++) {
+            seen.width[k] = 2 + (int)(sv_rng_unit(&rng) * (SIDE - 2));
+            seen.height[k] = 2 + (int)(sv_rng_unit(&rng) * (SIDE - 2));
+            seen.cell[k] = room[k] + seen.width[k] + 1;
+        }
+        any_picture(&rng, &seen, &buffer);
+        memset(truth, 0, sizeof truth);
+        for (int p = 0; p < buffer.width * buffer.height; p++) {
+            if (buffer.texel[p] == SV_WARP_EMPTY)
+                continue;
+            int k = (int)(buffer.texel[p] >> SV_WARP_TEXEL_BITS), w = seen.width[k], h = seen.height[k];
+            int at = (int)(buffer.texel[p] & SV_WARP_TEXEL_MASK), less = buffer.place[p] & 1 ? 0 : 1;
+            for (int j = at / w - less; j <= at / w + 1; j++)
+                for (int i = at % w - less; i <= at % w + 1; i++)
+                    if (i >= 0 && j >= 0 && i < w && j < h)
+                        truth[k][j * w + i] = 1;
+        }
+        for (int level = SV_SIMD_SCALAR; level <= (int)sv_simd_level(); level++) {
+            for (int k = 0; k < 2; k++)
+                seen.group[k] = group[level][k];
+            uint32_t shown = sv_relief_find_seen_at((enum sv_simd)level, &buffer, &seen, 2);
+            for (int k = 0; k < 2; k++) {
+                int stride = (seen.width[k] + 7) / 8, any = 0;
+                for (int g = 0; g < stride * seen.height[k]; g++) {
+                    int column = g % stride * 8,
+                        end = column + 8 < seen.width[k] ? column + 8 : seen.width[k];
+                    bool needed = false;
+                    for (int i = column; i < end; i++)
+                        needed = needed || truth[k][g / stride * seen.width[k] + i];
+                    any |= group[level][k][g];
+                    assert_int_equal(group[level][k][g], group[0][k][g]);
+                    assert_true(group[level][k][g] ? needed || end == seen.width[k] : !needed);
+                }
+                assert_int_equal(shown >> k & 1, any);
+            }
+        }
+        sv_warp_buffer_finish(&buffer);
+    }
+}
+
 /* One look serves warp after warp of one light. */
 static void test_many_warps(void **state)
 {
@@ -153,6 +226,7 @@ static void test_many_warps(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_find_seen),
         cmocka_unit_test(test_light_in_warp),
         cmocka_unit_test(test_many_warps),
     };

@@ -234,6 +234,30 @@ static void whole_levels(void **state)
     assert_true(before > 2);
 }
 
+/* Shadows of a low sun are longer, and reach more pages: fewer are cast at once. */
+static void whole_levels_of_a_low_sun(void **state)
+{
+    (void)state;
+    struct sv_error error;
+    struct sv_shadow_height low = {0};
+    assert_int_equal(sv_shadow_height_make(&low, &field, sv_normalize(sv_vec3(1, 0, 0.07)), &error), SV_OK);
+    const struct sv_shadow_height *const suns[2] = {&sun, &low};
+    uint64_t filled[2];
+    int level[2];
+    for (int k = 0; k < 2; k++) {
+        struct sv_shadow_pages *pages = make_pages(1);
+        struct sv_shadow_scene lit = scene(1);
+        lit.terrain = suns[k];
+        sv_shadow_pages_use(pages, &lit);
+        level[k] = sv_shadow_pages_fill_whole(pages, 3e5);
+        filled[k] = sv_shadow_pages_filled(pages);
+        sv_shadow_pages_destroy(pages);
+    }
+    assert_true(level[1] > level[0]);
+    assert_true(filled[1] > 0 && filled[1] < filled[0]);
+    sv_shadow_height_finish(&low);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -242,6 +266,7 @@ int main(void)
         cmocka_unit_test(the_least_lately_used_gives_way),
         cmocka_unit_test(finest_level),
         cmocka_unit_test(whole_levels),
+        cmocka_unit_test(whole_levels_of_a_low_sun),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -12,7 +12,14 @@ endif()
 if(TARGET sv_tree_draw AND TARGET sv_scene)
   sv_test(test_ladder SOURCES test_ladder.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree TIMEOUT 600)
 endif()
-# Trees in sunlight, against rays.
+if(TARGET sv_tree_draw AND TARGET sv_scene)
+  sv_test(test_form_change SOURCES test_form_change.c draw_fixture.c LIBS sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree
+          TIMEOUT 600)
+endif()
+# Trees in sunlight: the kernel, and all of it against rays.
+if(TARGET sv_tree_draw)
+  sv_test(test_shade_pass LIBS sv_tree_draw sv_base LABELS tree)
+endif()
 if(TARGET sv_tree_draw AND TARGET sv_truth AND TARGET sv_terrain_shadow)
   foreach(shade outline stand cast)
     sv_test(test_shade_${shade} SOURCES test_shade_${shade}.c shade_fixture.c LIBS sv_scene_kit sv_tree_draw sv_truth LABELS tree

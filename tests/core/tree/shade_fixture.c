@@ -10,14 +10,15 @@
 #include "core/base/color.h"
 #include "core/base/frames.h"
 #include "core/scene/id.h"
+#include "core/tree/sprite_atlas.h"
 #include "tests/core/view/scene_kit.h"
 
 enum { LEAVES = 4000 };
 
 struct sv_scene *shade_ground, *shade_stand;
-static struct sv_impostor impostors[SHADE_SPECIES];
 struct sv_shade_species shade_table[SHADE_SPECIES];
-static uint8_t *coverage[SHADE_SPECIES];
+static struct sv_impostor_frame frames[SHADE_SPECIES][SV_IMPOSTOR_FRAMES];
+static uint8_t coverage[SHADE_SPECIES][SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE];
 
 void shade_ok(enum sv_status status, const struct sv_error *error)
 {
@@ -54,14 +55,12 @@ int shade_setup(void **state)
     options.species = 0;
     shade_ground = kit_scene(&options);
     for (int k = 0; k < SHADE_SPECIES; k++) {
-        shade_ok(sv_impostor_bake(&shade_stand->species[k].mesh, &impostors[k], &error), &error);
-        size_t texels = (size_t)SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE;
-        coverage[k] = malloc(texels);
-        assert_non_null(coverage[k]);
-        for (size_t i = 0; i < texels; i++)
-            coverage[k][i] = impostors[k].albedo[4 * i + 3];
+        struct sv_sprite_atlas atlas;
+        shade_ok(sv_sprite_atlas_bake(&shade_stand->species[k].mesh, &atlas, &error), &error);
+        sv_sprite_atlas_outline(&atlas, frames[k], coverage[k]);
+        sv_sprite_atlas_finish(&atlas);
         shade_table[k] =
-            (struct sv_shade_species){impostors[k].frames, coverage[k], shade_stand->species[k].mesh.radius};
+            (struct sv_shade_species){frames[k], coverage[k], shade_stand->species[k].mesh.radius};
     }
     return 0;
 }
@@ -69,10 +68,6 @@ int shade_setup(void **state)
 int shade_teardown(void **state)
 {
     (void)state;
-    for (int k = 0; k < SHADE_SPECIES; k++) {
-        sv_impostor_finish(&impostors[k]);
-        free(coverage[k]);
-    }
     kit_free(shade_stand);
     kit_free(shade_ground);
     return 0;

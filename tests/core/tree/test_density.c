@@ -227,8 +227,9 @@ static void test_plain(void **state)
                 by_level[k] += levels.albedo[k][4 * (y * (SV_DENSITY_WIDTH >> k) + x) + 3] / 255.0 /
                                (side * side) * SV_DENSITY_TILE * SV_DENSITY_TILE;
             }
-            /* each level rounds by up to half a code where it holds something */
-            assert_true(fabs(by_level[k] - by_level[0]) <= k * 0.5 / 255 * 128 * 128 + 1e-6);
+            /* each level rounds by up to half a code where it holds something, and once more when it is
+             * widened */
+            assert_true(fabs(by_level[k] - by_level[0]) <= (k > 0) * (k + 1) * 0.5 / 255 * 128 * 128 + 1e-6);
         }
         assert_true(fabs(by_level[0] - sum) <= 0.01 * sum + 1);
     }
@@ -236,6 +237,80 @@ static void test_plain(void **state)
     assert_true(off / texels < 0.02);
     sv_cloud_bake_finish(&bake);
     sv_density_levels_finish(&levels);
+    sv_density_finish(&density);
+    sv_tree_cloud_finish(&cloud);
+    sv_tree_mesh_finish(&mesh);
+    free(rgba);
+}
+
+/* What is added to levels of detail: straight lines between the scales, held beyond them. */
+static void test_scales(void **state)
+{
+    (void)state;
+    struct sv_density density = {.finer = {-1, 0.5f, -0.25f, 0, -2, 1}};
+    for (int k = 0; k < SV_DENSITY_SCALES; k++) {
+        float next = density.finer[k + 1 < SV_DENSITY_SCALES ? k + 1 : k];
+        for (int n = 0; n < 8; n++) { /* eighths are exact */
+            float lod = (float)(SV_DENSITY_SCALE_FIRST + k) + (float)n / 8;
+            assert_true(sv_density_finer(&density, lod) ==
+                        density.finer[k] + (next - density.finer[k]) * (float)n / 8);
+        }
+    }
+    assert_true(sv_density_finer(&density, -40) == -1 && sv_density_finer(&density, -INFINITY) == -1);
+    assert_true(sv_density_finer(&density, 40) == 1 && sv_density_finer(&density, INFINITY) == 1);
+}
+
+/* Levels of a slender plane: those of a square one, spread over three texels by hand where its sides are 1
+ * : 9.
+ */
+static void check_slender(const struct sv_density_levels *square, const struct sv_density_levels *slender,
+                          bool tall)
+{
+    for (int level = 0; level < SV_DENSITY_LEVELS; level++) {
+        int side = SV_DENSITY_TILE >> level, row = SV_DENSITY_WIDTH >> level, most = 0;
+        for (int t = 0; t < side * side && side > 2; t++) {
+            int i = t % side, j = t / side, got = slender->albedo[level][4 * (j * row + i) + 3];
+            double sum = 0;
+            for (int d = -1; d <= 1; d++) {
+                int x = tall ? i + d : i, y = tall ? j : j + d;
+                x = x < 0 ? 0 : x >= side ? side - 1 : x; /* one beyond the edge mirrors to the edge */
+                y = y < 0 ? 0 : y >= side ? side - 1 : y;
+                sum += square->albedo[level][4 * (y * row + x) + 3] / 3.0;
+            }
+            double want = level == 0 ? square->albedo[0][4 * (j * row + i) + 3] : sum;
+            assert_true(fabs(got - want) <= 0.5 + 1e-3);
+            most = abs(got - square->albedo[level][4 * (j * row + i) + 3]) > most
+                       ? abs(got - square->albedo[level][4 * (j * row + i) + 3])
+                       : most;
+        }
+        assert_true(level == 0 || side <= 2 || most > 0); /* there was something to spread */
+    }
+}
+
+static void test_slender(void **state)
+{
+    (void)state;
+    uint8_t *rgba = malloc(4 * (size_t)TEXELS);
+    struct sv_tree_mesh mesh;
+    struct sv_tree_cloud cloud;
+    struct sv_density density;
+    struct sv_density_levels square, slender;
+    struct sv_error error;
+    assert_non_null(rgba);
+    fixture_tree(600, 5, &mesh);
+    make_cloud(&mesh, 24, &cloud);
+    build(&mesh, &cloud, SV_DENSITY_PLAIN, &density, rgba);
+    float ratio = cloud.planes[0].half[0] / cloud.planes[0].half[1];
+    assert_true(fabsf(density.planes[0].slender / ratio - 1) < 1e-6f);
+    for (int tall = 0; tall < 2; tall++) {
+        density.planes[0].slender = 1;
+        fixture_ok(sv_density_levels_init(&density, &square, &error), &error);
+        density.planes[0].slender = tall ? 1.0f / 9 : 9;
+        fixture_ok(sv_density_levels_init(&density, &slender, &error), &error);
+        check_slender(&square, &slender, tall);
+        sv_density_levels_finish(&square);
+        sv_density_levels_finish(&slender);
+    }
     sv_density_finish(&density);
     sv_tree_cloud_finish(&cloud);
     sv_tree_mesh_finish(&mesh);
@@ -367,8 +442,9 @@ static void test_bytes(void **state)
 int main(void)
 {
     sv_color_init();
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_codes), cmocka_unit_test(test_hedge),
-                                       cmocka_unit_test(test_plain), cmocka_unit_test(test_bare),
-                                       cmocka_unit_test(test_light), cmocka_unit_test(test_bytes)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_codes),   cmocka_unit_test(test_hedge),
+                                       cmocka_unit_test(test_plain),   cmocka_unit_test(test_scales),
+                                       cmocka_unit_test(test_slender), cmocka_unit_test(test_bare),
+                                       cmocka_unit_test(test_light),   cmocka_unit_test(test_bytes)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -179,7 +179,8 @@ static void compare(enum sv_cloud_form form, enum sv_density_kind kind, double t
     double px_m = camera.ortho_height_m / SIDE;
     const float per_px[2] = {(float)(px_m / (2 * (double)(plane->half[0] * HEIGHT_M)) * SV_DENSITY_UV_SIDE),
                              (float)(px_m / (2 * (double)(plane->half[1] * HEIGHT_M)) * SV_DENSITY_UV_SIDE)};
-    float lod = 0.5f * log2f(per_px[0] * per_px[1] / (SV_DENSITY_STEP * SV_DENSITY_STEP)) + p.density.finer;
+    float lod = 0.5f * log2f(per_px[0] * per_px[1] / (SV_DENSITY_STEP * SV_DENSITY_STEP));
+    lod += sv_density_finer(&p.density, lod);
     long covered = 0, off = 0;
     double worst = 0, sum = 0;
     for (int j = 0; j < SIDE; j++)

@@ -79,7 +79,7 @@ static void what_was_uploaded_is_there(void **state)
             bytes += sv_image_bytes(albedo);
             textured++;
         }
-        assert_int_equal(u.bytes, bytes);
+        assert_int_equal(sv_mesh_upload_bytes(&mesh), bytes);
         sv_mesh_upload_finish(&u);
         assert_int_equal(u.array, 0);
         sv_mesh_upload_finish(&u); /* as on a zeroed one */

@@ -1,4 +1,4 @@
-/* The baked far form: frames, bytes, mip levels, and agreement with the polygons that it was baked from. */
+/* test_impostor.c - directions of frames, and sprites, which are baked from them, against polygons. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -71,73 +71,6 @@ static void any_direction_has_a_frame(void **state)
     assert_int_equal(sv_impostor_nearest(0, 0, 1), SV_IMPOSTOR_FRAMES - 1);
 }
 
-/* ---- bytes and levels ---- */
-
-static void bytes_come_back(void **state)
-{
-    (void)state;
-    struct sv_tree_mesh mesh;
-    struct sv_impostor a, b;
-    struct sv_error error;
-    void *data;
-    size_t bytes;
-    fixture_tree(300, 3, &mesh);
-    fixture_ok(sv_impostor_bake(&mesh, &a, &error), &error);
-    fixture_ok(sv_impostor_save(&a, &data, &bytes, &error), &error);
-    fixture_ok(sv_impostor_load(data, bytes, &b, &error), &error);
-    assert_memory_equal(a.frames, b.frames, sizeof a.frames);
-    assert_memory_equal(a.translucency, b.translucency, sizeof a.translucency);
-    assert_memory_equal(a.albedo, b.albedo, 4 * SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE);
-    assert_memory_equal(a.normal, b.normal, 4 * SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE);
-    sv_impostor_finish(&b);
-    assert_int_equal(sv_impostor_load(data, bytes - 1, &b, &error), SV_EFORMAT);
-    assert_int_equal(sv_impostor_load(data, 0, &b, &error), SV_EFORMAT);
-    unsigned char *p = data;
-    p[0] ^= 1;
-    assert_int_equal(sv_impostor_load(data, bytes, &b, &error), SV_EFORMAT);
-    p[0] ^= 1;
-    memset(p + 40, 0xFF, 64); /* NaN in the first frame */
-    assert_int_equal(sv_impostor_load(data, bytes, &b, &error), SV_EFORMAT);
-    free(data);
-    sv_impostor_finish(&a);
-    sv_tree_mesh_finish(&mesh);
-}
-
-static double frame_coverage(const uint8_t *albedo, int level, int frame)
-{
-    int cell = SV_IMPOSTOR_CELL >> level, side = SV_IMPOSTOR_SIDE >> level;
-    double sum = 0;
-    for (int j = 0; j < cell; j++)
-        for (int i = 0; i < cell; i++)
-            sum += albedo[4 * ((frame / SV_IMPOSTOR_GRID * cell + j) * side +
-                               frame % SV_IMPOSTOR_GRID * cell + i) +
-                          3];
-    return sum / (255.0 * cell * cell);
-}
-
-/* Every level of every frame covers what level 0 does: 8 bits round off at most half a step a texel, and a
- * level's rounding is random. */
-static void levels_keep_coverage(void **state)
-{
-    (void)state;
-    struct sv_tree_mesh mesh;
-    struct sv_impostor a;
-    struct sv_impostor_levels levels;
-    struct sv_error error;
-    fixture_tree(2000, 3, &mesh);
-    fixture_ok(sv_impostor_bake(&mesh, &a, &error), &error);
-    fixture_ok(sv_impostor_levels_init(&a, &levels, &error), &error);
-    for (int f = 0; f < SV_IMPOSTOR_FRAMES; f++) {
-        double first = frame_coverage(levels.albedo[0], 0, f);
-        assert_true(first > 0.02 && first < 0.9);
-        for (int k = 1; k < SV_IMPOSTOR_LEVELS; k++)
-            assert_true(fabs(frame_coverage(levels.albedo[k], k, f) - first) < 2.5 / 255);
-    }
-    sv_impostor_levels_finish(&levels);
-    sv_impostor_finish(&a);
-    sv_tree_mesh_finish(&mesh);
-}
-
 /* gain is the ratio of two means of |n.l|; equal forms give 1, and no form makes it leave its bounds. */
 static void gain_is_bounded(void **state)
 {
@@ -187,13 +120,12 @@ static void compare(struct sv_tree_draw *draw, double azimuth_deg, double elevat
     fine.width = fine.height = k * side;
     struct sv_light light =
         fixture_light(azimuth_deg + 7 * elevation_deg + 100, 20 + fabs(elevation_deg) / 2);
-    struct sv_tree_draw_options polygon = SV_TREE_DRAW_OPTIONS_DEFAULT,
-                                impostor = SV_TREE_DRAW_OPTIONS_DEFAULT;
+    struct sv_tree_draw_options polygon = SV_TREE_DRAW_OPTIONS_DEFAULT, sprite = polygon;
     polygon.form = SV_TREE_FORM_POLYGON;
-    impostor.form = SV_TREE_FORM_COARSE;
+    sprite.form = SV_TREE_FORM_COARSE;
     struct fixture_view a, b;
     fixture_draw(draw, &fine, &light, &polygon, &a);
-    fixture_draw(draw, &c, &light, &impostor, &b);
+    fixture_draw(draw, &c, &light, &sprite, &b);
     fixture_shrink(&a, k);
     struct fixture_look want = fixture_look_at(&a), got = fixture_look_at(&b);
     double coverage = got.coverage / want.coverage - 1, green = got.rgb[1] / want.rgb[1] - 1;
@@ -228,7 +160,7 @@ static void agrees(const char *name, const struct sv_tree_mesh *mesh, int height
     assert_true(t.box_px <= bounds.box_px);
 }
 
-static void impostors_agree_with_polygons(void **state)
+static void sprites_agree_with_polygons(void **state)
 {
     (void)state;
     struct sv_tree_mesh mesh;
@@ -238,7 +170,7 @@ static void impostors_agree_with_polygons(void **state)
     sv_tree_mesh_finish(&mesh);
 }
 
-static void grown_impostors_agree_with_polygons(void **state)
+static void grown_sprites_agree_with_polygons(void **state)
 {
     (void)state;
     for (int habit = 0; habit < SV_HABIT_COUNT; habit++) {
@@ -256,11 +188,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_nearest_frame_is_near),
         cmocka_unit_test(any_direction_has_a_frame),
-        cmocka_unit_test(bytes_come_back),
-        cmocka_unit_test(levels_keep_coverage),
         cmocka_unit_test(gain_is_bounded),
-        cmocka_unit_test(impostors_agree_with_polygons),
-        cmocka_unit_test(grown_impostors_agree_with_polygons),
+        cmocka_unit_test(sprites_agree_with_polygons),
+        cmocka_unit_test(grown_sprites_agree_with_polygons),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -1,4 +1,5 @@
-/* test_sprite.c - far trees on the CPU: closed forms, both kernels, polygons by GL, and the odd cases. */
+/* test_sprite.c - far trees on the CPU: closed forms, both kernels, and the odd cases. (Against polygons:
+ * test_impostor.c.) */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -486,72 +487,6 @@ static void hard_layers(void **state)
     paper_free(&p);
 }
 
-/* ---- agreement with the polygons ---- */
-
-struct tally {
-    double coverage_worst, coverage_sum, green_worst, green_sum;
-    int views;
-};
-
-static void compare(struct sv_tree_draw *polygons, double azimuth_deg, double elevation_deg, int height_px,
-                    struct tally *tally)
-{
-    int side = height_px * 3 / 2, k = height_px > 60 ? 6 : 16;
-    double distance = 300;
-    struct sv_vec3 back = sv_direction(sv_radians(azimuth_deg + 180), sv_radians(elevation_deg));
-    struct sv_vec3 middle = sv_vec3(lone.x, lone.y, lone.z + 7.5);
-    struct sv_camera c =
-        fixture_camera(sv_madd(middle, back, distance), azimuth_deg, -elevation_deg, side, side);
-    c.vfov_rad = 2 * atan(0.5 * side / (distance * height_px / 15.0));
-    struct sv_camera fine = c;
-    fine.width = fine.height = k * side;
-    struct sv_light light =
-        fixture_light(azimuth_deg + 7 * elevation_deg + 100, 20 + fabs(elevation_deg) / 2);
-    struct sv_tree_draw_options polygon = SV_TREE_DRAW_OPTIONS_DEFAULT;
-    polygon.form = SV_TREE_FORM_POLYGON;
-    struct fixture_view a;
-    fixture_draw(polygons, &fine, &light, &polygon, &a);
-    fixture_shrink(&a, k);
-    struct paper p;
-    paper_make(&p, side, side, 0, side, false);
-    draw_trees(&c, &light, &lone, 1, NULL, sunny, &p.canvas);
-    struct fixture_view b = {.width = side, .height = side, .color = p.canvas.color};
-    struct fixture_look want = fixture_look_at(&a), got = fixture_look_at(&b);
-    double covered = got.coverage / want.coverage - 1, green = got.rgb[1] / want.rgb[1] - 1;
-    tally->coverage_worst = fmax(tally->coverage_worst, fabs(covered));
-    tally->green_worst = fmax(tally->green_worst, fabs(green));
-    tally->coverage_sum += covered;
-    tally->green_sum += green;
-    tally->views++;
-    assert_true(abs(got.left - want.left) <= 1 + height_px / 16);
-    assert_true(abs(got.right - want.right) <= 1 + height_px / 16);
-    assert_true(abs(got.top - want.top) <= 1 + height_px / 16);
-    assert_true(abs(got.bottom - want.bottom) <= 1 + height_px / 16);
-    fixture_view_finish(&a);
-    paper_free(&p);
-}
-
-/* As test_impostor has it for the GL quads: frames stand up to 18 degrees apart, over which a tree's coverage
- * differs by 3 % (rms); means have no such excuse. */
-static void sprites_agree_with_polygons(void **state)
-{
-    (void)state;
-    static const double elevation_deg[12] = {0, 5, 12, 20, 30, 45, 60, 75, 89, -10, 17, 3};
-    static const int sizes[] = {100, 20};
-    struct fixture_single s;
-    fixture_single_init(&s, &leafy, &lone);
-    for (int n = 0; n < 2; n++) {
-        struct tally t = {0};
-        for (int k = 0; k < 12; k++)
-            compare(s.draw, 61.0 * k + 10, elevation_deg[k], sizes[n], &t);
-        printf("%3d px: coverage worst %.3f mean %+.3f, green worst %.3f mean %+.3f\n", sizes[n],
-               t.coverage_worst, t.coverage_sum / t.views, t.green_worst, t.green_sum / t.views);
-        assert_true(t.coverage_worst <= 0.08 && fabs(t.coverage_sum / t.views) <= 0.03);
-        assert_true(t.green_worst <= 0.10 && fabs(t.green_sum / t.views) <= 0.04);
-    }
-    fixture_single_finish(&s);
-}
-
 /* ---- no popping ---- */
 
 /* A viewer who goes round a tree by steps of half a degree sees no step that is much larger than the others:
@@ -680,7 +615,6 @@ int main(void)
         cmocka_unit_test(depth_hides),
         cmocka_unit_test(bands_join),
         cmocka_unit_test(hard_layers),
-        cmocka_unit_test(sprites_agree_with_polygons),
         cmocka_unit_test(frames_change_unseen),
         cmocka_unit_test(extremes),
         cmocka_unit_test(large_pictures),
