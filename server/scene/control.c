@@ -23,7 +23,11 @@
 #include "server/scene/worker.h"
 #include "server/wire.h"
 
-enum { BUILDER_NICE = 10, FORMS = 32, SLOTS = SV_CELL_CACHE_SLOTS - 1 }; /* the last slot is this process's own */
+/* The last slot is this process's own; a scene and its successor, who share the cache, take turns in the halves of the
+ * rest. */
+enum { BUILDER_NICE = 10, FORMS = 32, SLOTS = (SV_CELL_CACHE_SLOTS - 1) / 2 };
+
+static unsigned half; /* of the slots; handed on by fork */
 
 struct control {
     struct sv_backend *backend;
@@ -144,7 +148,7 @@ static void free_slot(struct control *c, pid_t pid)
         return;
     c->slots[slot] = 0;
     if (cache)
-        sv_cell_cache_release(cache, (unsigned)slot);
+        sv_cell_cache_release(cache, half * SLOTS + (unsigned)slot);
 }
 
 /* Forks a worker that lives on the socket, and tells its pidfd: it is opened here, before anybody can reap
@@ -154,12 +158,15 @@ static void fork_worker(struct control *c, uint64_t id, int socket)
     union sv_wire_message message;
     pid_t parent = getpid();
     int slot = find_slot(c, 0);
+    struct sv_cell_cache *cache = sv_backend_cells(c->backend)->cache;
+    if (cache && slot >= 0) /* the scene before the one before this had the same half */
+        sv_cell_cache_release(cache, half * SLOTS + (unsigned)slot);
     pid_t pid = fork();
     if (pid == 0) {
         close(c->fd);
         close(c->signal_fd);
         close(c->lacks[0]);
-        sv_backend_use_slot(c->backend, slot);
+        sv_backend_use_slot(c->backend, slot < 0 ? slot : (int)half * SLOTS + slot);
         sv_worker_live(c->backend, socket, c->lacks[1], parent);
     }
     if (pid > 0 && slot >= 0)
@@ -300,6 +307,7 @@ _Noreturn static void be_successor(struct sv_backend *backend, int control_fd, p
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) || getppid() != daemon)
         _exit(1);
     unsigned threads = sv_control_threads();
+    half = 1 - half;
     _exit(patch(backend, control_fd) ? sv_control_serve(control_fd, backend, threads) : EXIT_FAILURE);
 }
 
@@ -345,7 +353,10 @@ static bool take_order(struct control *c)
         return false;
     bool fork_order = message.head.type == SV_WIRE_FORK, patch_order = message.head.type == SV_WIRE_PATCH;
     if (status == SV_OK && (fork_order || patch_order) && socket >= 0) {
-        (fork_order ? fork_worker : fork_successor)(c, message.head.id, socket);
+        if (fork_order)
+            fork_worker(c, message.head.id, socket);
+        else
+            fork_successor(c, message.head.id, socket);
         close(socket);
         return true;
     }
