@@ -30,7 +30,11 @@ static cJSON *panel(const struct sv_cell_cache_item *item, bool *good)
     add_id(object, "id", item->label.key, good);
     sv_api_json_add_text(object, "face", face < SV_CELL_FACES ? faces[face] : "other", good);
     sv_api_json_add_text(object, "layer", layers[layer < 3 ? layer : 0], good);
-    sv_api_json_add_text(object, "state", item->building ? "building" : item->refined ? "refined" : "drawn", good);
+    sv_api_json_add_text(object, "state",
+                         item->building  ? "building"
+                         : item->refined ? "refined"
+                                         : "drawn",
+                         good);
     sv_api_json_add_number(object, "bytes", (double)item->bytes, good);
     sv_api_json_add_number(object, "hits", (double)item->hits, good);
     sv_api_json_add_number(object, "age_s", item->age_s, good);

@@ -18,7 +18,8 @@ static void take_errors(size_t index, const struct sv_errors *of_view, struct sv
     }
 }
 
-static enum sv_problem_kind parse_one(const cJSON *item, size_t index, const struct sv_api_view_limits *limits,
+static enum sv_problem_kind parse_one(const cJSON *item, size_t index,
+                                      const struct sv_api_view_limits *limits,
                                       struct sv_view_request *request, struct sv_errors *errors)
 {
     struct sv_errors own;
@@ -26,11 +27,12 @@ static enum sv_problem_kind parse_one(const cJSON *item, size_t index, const str
     sv_errors_init(&own);
     enum sv_problem_kind kind = sv_api_view_parse_tree(item, NULL, limits, &view, &own);
     if (kind == SV_PROBLEM_NONE) {
-        enum sv_field_id bar = view.request.relief == SV_RELIEF_OFF ? SV_FIELD_RELIEF
-                                                                    : sv_api_view_cell_bar(&view.request);
+        enum sv_field_id bar =
+            view.request.relief == SV_RELIEF_OFF ? SV_FIELD_RELIEF : sv_api_view_cell_bar(&view.request);
         *request = view.request;
         if (bar != SV_FIELD_COUNT) {
-            sv_errors_add(&own, SV_EINVAL, sv_api_field_name(bar), "such a view is not drawn from relief panels");
+            sv_errors_add(&own, SV_EINVAL, sv_api_field_name(bar),
+                          "such a view is not drawn from relief panels");
             kind = SV_PROBLEM_BAD_REQUEST;
         }
     }
@@ -56,8 +58,10 @@ static enum sv_problem_kind parse_list(const cJSON *list, const struct sv_api_vi
     return worst;
 }
 
-enum sv_problem_kind sv_api_cells_parse(const char *body, size_t bytes, const struct sv_api_view_limits *limits,
-                                        struct sv_view_request *views, size_t *count, struct sv_errors *errors)
+enum sv_problem_kind sv_api_cells_parse(const char *body, size_t bytes,
+                                        const struct sv_api_view_limits *limits,
+                                        struct sv_view_request *views, size_t *count,
+                                        struct sv_errors *errors)
 {
     struct sv_error why;
     cJSON *root;
@@ -74,7 +78,8 @@ enum sv_problem_kind sv_api_cells_parse(const char *body, size_t bytes, const st
     if (!cJSON_IsArray(list) || size < 1)
         sv_errors_add(errors, SV_EINVAL, "views", "must be an array of views, at least one");
     else if (size > SV_API_CELLS_VIEWS_MAX)
-        sv_errors_add(errors, SV_ELIMIT, "views", "%d views: at most %d at a time", size, SV_API_CELLS_VIEWS_MAX);
+        sv_errors_add(errors, SV_ELIMIT, "views", "%d views: at most %d at a time", size,
+                      SV_API_CELLS_VIEWS_MAX);
     else if (errors->total == 0)
         kind = parse_list(list, limits, views, count, errors);
     cJSON_Delete(root);

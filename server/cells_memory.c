@@ -39,7 +39,8 @@ enum sv_status sv_cells_memory_make(uint64_t bytes, struct sv_cells_memory *memo
     return SV_OK;
 }
 
-enum sv_status sv_cells_memory_open(int fd, uint64_t bytes, struct sv_cells_memory *memory, struct sv_error *error)
+enum sv_status sv_cells_memory_open(int fd, uint64_t bytes, struct sv_cells_memory *memory,
+                                    struct sv_error *error)
 {
     struct stat st;
     struct sv_cells_memory m = {.bytes = (size_t)bytes, .fd = -1};

@@ -4,12 +4,12 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define ORDER(a, b)       \
-    do {                  \
-        if ((a) < (b))    \
-            return -1;    \
-        if ((a) > (b))    \
-            return 1;     \
+#define ORDER(a, b)    \
+    do {               \
+        if ((a) < (b)) \
+            return -1; \
+        if ((a) > (b)) \
+            return 1;  \
     } while (0)
 
 /* All that tells one cell from another. */
@@ -41,14 +41,15 @@ static int compare(const void *a, const void *b)
     return 0;
 }
 
-/* The id is the key of no face and no layer. Of its rings a key knows the place's distance, the pitch, and whether it
- * is the last. */
+/* The id is the key of no face and no layer. Of its rings a key knows the place's distance, the pitch, and
+ * whether it is the last. */
 static struct sv_cell_listed begin(const struct sv_cell_cache_item *item, size_t first, double pitch)
 {
     const struct sv_cell_shell *shell = &item->label.shell;
     struct sv_cell_key_parts parts = item->label.parts;
     int ring = parts.place.ring >= 0 && parts.place.ring < SV_CELL_RINGS_MAX ? parts.place.ring : 0;
-    struct sv_cell_rings rings = {.count = isinf(shell->outer_m) ? ring + 1 : SV_CELL_RINGS_MAX + 1, .pitch = pitch};
+    struct sv_cell_rings rings = {.count = isinf(shell->outer_m) ? ring + 1 : SV_CELL_RINGS_MAX + 1,
+                                  .pitch = pitch};
     rings.distance_m[ring] = shell->distance_m;
     parts.place.ring = ring;
     parts.face = (enum sv_cell_face)0;
@@ -66,7 +67,8 @@ static struct sv_cell_listed begin(const struct sv_cell_cache_item *item, size_t
         .first = first};
 }
 
-size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, double pitch, struct sv_cell_listed *cells)
+size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, double pitch,
+                       struct sv_cell_listed *cells)
 {
     size_t found = 0;
     qsort(items, count, sizeof *items, compare);

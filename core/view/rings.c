@@ -1,8 +1,8 @@
 /* rings.c - see rings.h. */
 #include "core/view/rings.h"
 
-/* Rings of crowns go inward to about CROWNS_INNER_M: crowns are up to some 5 m wide, and a crown may reach half the
- * way across its ring's plane. Ground has no width: it goes on inward. */
+/* Rings of crowns go inward to about CROWNS_INNER_M: crowns are up to some 5 m wide, and a crown may reach
+ * half the way across its ring's plane. Ground has no width: it goes on inward. */
 #define CROWNS_INNER_M 6.0
 #define GROUND_INNER_M 1.5
 /* The outermost ring is that many scene distances away: crowns far behind one another, that move apart when the eye

@@ -1,5 +1,5 @@
-/* rings.h - the rings of cells that a view's eye is in: one rule for who draws panels, who routes views and who lists
- * cells.
+/* rings.h - the rings of cells that a view's eye is in: one rule for who draws panels, who routes views and
+ * who lists cells.
  *
  * Plain values, any thread. */
 #ifndef SV_VIEW_RINGS_H
@@ -20,8 +20,8 @@ struct sv_view_rings {
     int crowns_first; /* innermost ring of crowns */
 };
 
-/* From the eye, the height of the ground and plan.relief_distance_m. False, with nothing written, where there are no
- * cells: a distance that is not above 0, an eye that is not finite or too far out (sv_cell_chain). */
+/* From the eye, the height of the ground and plan.relief_distance_m. False, with nothing written, where there
+ * are no cells: a distance that is not above 0, an eye that is not finite or too far out (sv_cell_chain). */
 bool sv_view_rings(const struct sv_resolved_view *view, struct sv_view_rings *rings);
 
 #endif

@@ -6,7 +6,8 @@
 #include "server/daemon/service.h"
 #include "server/log.h"
 
-/* A client's next view is within this of its last one, in place and time; less than the least is standing still. */
+/* A client's next view is within this of its last one, in place and time; less than the least is standing
+ * still. */
 static const double jump_m = 20, pause_ms = 5000, least_m = 0.02;
 /* So far ahead panels are wanted: longer than a few of them take to build. */
 static const double horizon_ms = 700;
@@ -66,7 +67,8 @@ static struct sv_ahead_job *add(struct sv_service *service, const struct sv_view
     struct sv_ahead_job *job = ahead->count < SV_AHEAD_JOBS_MAX ? calloc(1, sizeof *job) : NULL;
     if (!job)
         return NULL;
-    *job = (struct sv_ahead_job){.service = service, .id = ++ahead->last_id, .request = *request, .mover = mover};
+    *job = (struct sv_ahead_job){
+        .service = service, .id = ++ahead->last_id, .request = *request, .mover = mover};
     job->deadline = (struct sv_timer){.due = on_deadline, .context = job};
     enter(ahead, job);
     return job;
@@ -151,11 +153,13 @@ bool sv_ahead_guess(struct sv_vec3 before, struct sv_vec3 now, double dt_ms, str
     double moved_m = sv_length(step);
     if (!(moved_m >= least_m && moved_m <= jump_m && dt_ms > 0 && dt_ms <= pause_ms))
         return false;
-    *next = sv_madd(now, step, fmin(fmax(horizon_ms / dt_ms, 1), steps_max));
+    /* Whole steps: who goes on evenly comes by where panels were built, at every one of them. */
+    *next = sv_madd(now, step, fmin(fmax(rint(horizon_ms / dt_ms), 1), steps_max));
     return true;
 }
 
-/* Who was near that eye with pictures of that size a moment ago; else the place of who was longest not seen. */
+/* Who was near that eye with pictures of that size a moment ago; else the place of who was longest not seen.
+ */
 static struct sv_ahead_mover *find_mover(struct sv_ahead *ahead, const struct sv_view_request *request,
                                          struct sv_vec3 eye, double now_ms)
 {
@@ -180,10 +184,10 @@ static struct sv_ahead_mover *find_mover(struct sv_ahead *ahead, const struct sv
     return oldest;
 }
 
-/* The same view from another place: heading and pitch as they were resolved, as high over the ground where the client
- * said it so. */
-static struct sv_view_request moved(const struct sv_view_request *request, const struct sv_resolved_view *view,
-                                    struct sv_vec3 eye)
+/* The same view from another place: heading and pitch as they were resolved, as high over the ground where
+ * the client said it so. */
+static struct sv_view_request moved(const struct sv_view_request *request,
+                                    const struct sv_resolved_view *view, struct sv_vec3 eye)
 {
     struct sv_view_request next = *request;
     bool over_ground = request->eye.form != SV_PLACE_NONE && !request->eye.has_z && isfinite(view->ground_z);

@@ -1,10 +1,11 @@
-/* ahead.h - panels of relief cells that are built before a view needs them: for views that a client names (POST
- * /v1/cells), and for where clients that move will be.
+/* ahead.h - panels of relief cells that are built before a view needs them: for views that a client names
+ * (POST /v1/cells), and for where clients that move will be.
  *
- * A job is a view's request; a worker that has nothing else to do resolves it and builds one of its panels, and the
- * job goes to the end of the line until none is missing: so a view that comes in waits for one panel at most, and where
- * there are several workers one is always left for it. Who has moved from one view to the next is taken to go on so
- * (same size of picture, an eye near the last one). Jobs that fail are forgotten. One thread. */
+ * A job is a view's request; a worker that has nothing else to do resolves it and builds one of its panels,
+ * and the job goes to the end of the line until none is missing: so a view that comes in waits for one panel
+ * at most, and where there are several workers one is always left for it. Who has moved from one view to the
+ * next is taken to go on so (same size of picture, an eye near the last one). Jobs that fail are forgotten.
+ * One thread. */
 #ifndef SV_SERVER_AHEAD_H
 #define SV_SERVER_AHEAD_H
 
@@ -51,8 +52,8 @@ void sv_ahead_clear(struct sv_service *service);
 void sv_ahead_built(void *context, void *work, const struct sv_wire_built *answer);
 void sv_ahead_lost(void *context, void *work);
 
-/* Where a client at `now` that was at `before`, dt_ms earlier, will be when panels that are asked for now are there.
- * False: it does not move, or it jumped. */
+/* Where a client at `now` that was at `before`, dt_ms earlier, will be when panels that are asked for now are
+ * there. False: it does not move, or it jumped. */
 bool sv_ahead_guess(struct sv_vec3 before, struct sv_vec3 now, double dt_ms, struct sv_vec3 *next);
 
 #endif

@@ -55,7 +55,8 @@ void sv_cells_page_list(struct sv_service *service, struct sv_exchange *exchange
 {
     size_t bytes;
     if (has_scene(service, exchange))
-        sv_reply_document(exchange, "application/json", NULL, list(cache_of(service), service->ahead.count, &bytes));
+        sv_reply_document(exchange, "application/json", NULL,
+                          list(cache_of(service), service->ahead.count, &bytes));
 }
 
 void sv_cells_page_drop(struct sv_service *service, struct sv_exchange *exchange)
@@ -68,8 +69,8 @@ void sv_cells_page_drop(struct sv_service *service, struct sv_exchange *exchange
 }
 
 /* All of them or, where there is no room for so many, none. */
-static void add_jobs(struct sv_service *service, struct sv_exchange *exchange, const struct sv_view_request *views,
-                     size_t count)
+static void add_jobs(struct sv_service *service, struct sv_exchange *exchange,
+                     const struct sv_view_request *views, size_t count)
 {
     uint64_t ids[SV_API_CELLS_VIEWS_MAX];
     size_t bytes, added = 0;
@@ -109,8 +110,8 @@ void sv_cells_page_build(struct sv_service *service, struct sv_exchange *exchang
     }
     sv_errors_init(&errors);
     struct sv_problem problem = {.errors = &errors};
-    problem.kind = sv_api_cells_parse(exchange->body ? exchange->body : "", exchange->body_bytes, &service->limits,
-                                      views, &count, &errors);
+    problem.kind = sv_api_cells_parse(exchange->body ? exchange->body : "", exchange->body_bytes,
+                                      &service->limits, views, &count, &errors);
     if (problem.kind != SV_PROBLEM_NONE)
         sv_reply(exchange, &problem);
     else

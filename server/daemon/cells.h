@@ -1,5 +1,5 @@
-/* cells.h - /v1/cells: the relief cells of the scene that serves are listed, dropped, built ahead; and what of them is
- * counted. */
+/* cells.h - /v1/cells: the relief cells of the scene that serves are listed, dropped, built ahead; and what
+ * of them is counted. */
 #ifndef SV_SERVER_CELLS_H
 #define SV_SERVER_CELLS_H
 

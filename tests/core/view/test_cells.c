@@ -1,343 +1,239 @@
-/* test_cells.c - views drawn from cells of relief panels: every tree is in one ring, pictures are near direct
- * drawing, bands are parts of the whole, and moving eyes see nothing jump. Odd places are in
- * test_cells_places.c. */
+/* test_cells.c - panels that processes share, as the renderer uses them: whoever builds them, and wherever
+ * they lie, the picture is the same; and it is the scene, as direct drawing shows it. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <math.h>
+#include <sys/mman.h>
 
 #include <cmocka.h>
 
-#include "core/base/rng.h"
-#include "core/scene/id.h"
-#include "core/view/compare.h"
-#include "core/view/rings.h"
-#include "tests/core/view/cells_kit.h"
+#include "core/cell/cache.h"
+#include "tests/core/view/scene_kit.h"
 
-/* A pixel's id is that of the tree at which half of it is covered, front to back: one of a few pixels may
- * have it for what others before it cover, and none by itself. */
-enum { TREES = 400, SIDE = 128, PIXELS_SURE = 4 };
+enum { ROOMY = 96 << 20, NARROW = 3 << 20 };
 
-static struct cells_kit kit;
+static struct sv_scene *scene;
+static struct sv_renderer *renderer;
+static struct sv_cell_cache *cache;
+static void *memory;
+static double clock_now;
 
-static int setup(void **state)
+static double clock_ms(void)
 {
-    (void)state;
-    struct kit_options wood = cells_kit_wood(TREES);
-    cells_kit_open(&wood, CELLS_KIT_PLAIN, NULL, &kit);
-    return 0;
+    return clock_now += 1;
 }
 
-static int teardown(void **state)
+/* An empty cache in the same memory: the renderer has it from now on. */
+static void make_cache(size_t bytes)
 {
-    (void)state;
-    cells_kit_close(&kit);
-    return 0;
+    struct sv_cell_cache_options options = SV_CELL_CACHE_OPTIONS_DEFAULT;
+    assert_int_equal(sv_cell_cache_make(memory, bytes, &options, &cache, NULL), SV_OK);
 }
 
-/* ---- trees are in one ring ---- */
-
-struct census {
-    uint16_t pixels[TREES]; /* that show each tree */
-    uint32_t drawn;         /* trees in view, a fading one counted twice */
-};
-
-static void count_trees(const struct sv_resolved_view *view, const struct sv_tree_shell *shell,
-                        struct census *census)
+static int set_up(void **state)
 {
-    static uint32_t id[SIDE * SIDE];
-    static float depth[SIDE * SIDE];
-    static uint8_t color[SIDE * SIDE][4];
-    struct sv_error error = {0};
-    struct sv_draw_stats stats = {0};
-    memset(id, 0, sizeof id);
-    memset(depth, 0, sizeof depth);
-    memset(color, 0, sizeof color);
-    memset(census, 0, sizeof *census);
-    struct sv_canvas canvas = {.width = SIDE,
-                               .height = SIDE,
-                               .row_count = SIDE,
-                               .depth = depth,
-                               .color = color[0],
-                               .id = id,
-                               .surface = true};
-    if (sv_direct_draw_trees(kit.direct, view, shell, &canvas, &stats, &error))
+    (void)state;
+    struct kit_options options = {.width = 65,
+                                  .height = 65,
+                                  .x0 = 500000,
+                                  .y0 = 4000000,
+                                  .z0 = 100,
+                                  .dx = 5,
+                                  .dy = 5,
+                                  .relief_m = 10,
+                                  .seed = 3,
+                                  .species = 1,
+                                  .leaves = 400,
+                                  .trees = 60,
+                                  .spread_m = 120,
+                                  .height_min_m = 5,
+                                  .height_max_m = 9};
+    struct sv_error error;
+    scene = kit_scene(&options);
+    scene->relief_distance_m = 50;
+    scene->relief_resolution = 256;
+    memory = mmap(NULL, ROOMY, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    assert_true(memory != MAP_FAILED);
+    make_cache(ROOMY);
+    struct sv_renderer_options made = {.clock = clock_ms, .cells = cache, .cells_slot = 1};
+    if (sv_renderer_create(scene, &made, &renderer, &error) != SV_OK)
         fail_msg("%s", error.message);
-    for (int k = 0; k < SIDE * SIDE; k++)
-        if (id[k] >= SV_ID_TREE_FIRST)
-            census->pixels[id[k] - SV_ID_TREE_FIRST]++;
-    census->drawn = stats.near_trees + stats.far_trees;
+    return 0;
 }
 
-/* Shell of a ring of crowns, or, innermost - 1, what is near. */
-static struct sv_tree_shell shell_of(const struct sv_view_rings *at, int ring)
-{
-    if (ring < at->crowns_first) {
-        const struct sv_cell_place *first = &at->chain[at->crowns_first];
-        return (struct sv_tree_shell){
-            .inner_m = -1, .outer = first->v, .outer_m = at->rings.distance_m[at->crowns_first]};
-    }
-    struct sv_cell_shell s = sv_cell_shell(&at->rings, &at->chain[ring], at->top);
-    return (struct sv_tree_shell){s.v, s.outer_v, s.distance_m, s.outer_m};
-}
-
-/* No two shells show one tree; what all trees drawn at once show is shown by some shell; and none is missing
- * or doubled among those that others hide: the numbers of trees drawn add up. */
-static int check_census(const struct sv_resolved_view *view)
-{
-    static struct census all, part;
-    uint8_t shown_by[TREES] = {0};
-    struct sv_view_rings at;
-    uint32_t drawn = 0;
-    int seen = 0, rings = 0;
-    assert_true(sv_view_rings(view, &at));
-    count_trees(view, NULL, &all);
-    for (int ring = at.crowns_first - 1; ring < at.rings.count; ring++) {
-        struct sv_tree_shell shell = shell_of(&at, ring);
-        count_trees(view, &shell, &part);
-        drawn += part.drawn;
-        rings += part.drawn > 0;
-        for (int k = 0; k < TREES; k++)
-            shown_by[k] = (uint8_t)(shown_by[k] + (part.pixels[k] > 0));
-    }
-    for (int k = 0; k < TREES; k++) {
-        assert_true(shown_by[k] <= 1);
-        assert_true(all.pixels[k] < PIXELS_SURE || shown_by[k] == 1);
-        seen += all.pixels[k] > 0;
-    }
-    assert_int_equal(drawn, all.drawn);
-    assert_true(seen == 0 || rings > 0);
-    return seen;
-}
-
-static void a_tree_is_in_one_ring(void **state)
+static int tear_down(void **state)
 {
     (void)state;
-    static const struct cells_pose poses[] = {
-        {0.5, 0.5, 1.7, 0, 0, 90, SIDE},   {0.45, 0.52, 1.7, 200, 5, 90, SIDE},
-        {0.5, 0.4, 12, 70, -10, 90, SIDE}, {0.5, 0.25, 40, 0, -20, 90, SIDE},
-        {0.5, 0.5, 60, 45, -89, 90, SIDE},
-    };
-    int seen = 0;
-    for (size_t k = 0; k < sizeof poses / sizeof *poses; k++) {
-        struct sv_resolved_view view = cells_kit_view(&kit, &poses[k]);
-        seen += check_census(&view);
-    }
-    assert_true(seen > 300);
+    sv_renderer_destroy(renderer);
+    kit_free(scene);
+    munmap(memory, ROOMY);
+    return 0;
 }
 
-/* Eyes where cells meet: on faces, on edges, on corners of those of the innermost ring of crowns. */
-static void nor_is_it_lost_where_cells_meet(void **state)
+static struct sv_view_request over_the_trees(enum sv_relief_mode relief)
+{
+    struct sv_view_request request = kit_request();
+    request.eye = (struct sv_place){.form = SV_PLACE_XY, .x = 500160, .y = 4000120, .agl = 14};
+    request.width = request.height = 96;
+    request.relief = relief;
+    request.shadows = true;
+    return request;
+}
+
+static struct sv_resolved_view resolve(const struct sv_view_request *request)
+{
+    struct sv_resolved_view view;
+    struct sv_error error;
+    if (sv_view_resolve(scene, request, &view, NULL, &error) != SV_OK)
+        fail_msg("%s: %s", error.field, error.message);
+    return view;
+}
+
+static uint64_t held_by_others;
+
+/* Draws the view; pixels into rgba (96 * 96 * 4). */
+static struct sv_cell_use draw(enum sv_relief_mode relief, uint8_t *rgba)
+{
+    struct sv_view_request request = over_the_trees(relief);
+    struct sv_resolved_view view = resolve(&request);
+    struct sv_picture picture = {0};
+    struct sv_draw_stats stats;
+    struct sv_error error;
+    if (sv_renderer_draw(renderer, &request, &view, &picture, NULL, &stats, &error) != SV_OK)
+        fail_msg("%s: %s", error.field, error.message);
+    memcpy(rgba, picture.layer[SV_LAYER_COLOR].data, 96 * 96 * 4);
+    sv_picture_finish(&picture);
+    struct sv_cell_cache_stats now;
+    sv_cell_cache_stats(cache, &now);
+    assert_int_equal(now.pinned_bytes, held_by_others); /* whatever was held is given back */
+    return stats.cell;
+}
+
+static double mean_difference(const uint8_t *a, const uint8_t *b)
+{
+    double sum = 0;
+    for (int i = 0; i < 96 * 96; i++)
+        for (int c = 0; c < 3; c++)
+            sum += abs(a[4 * i + c] - b[4 * i + c]);
+    return sum / (96 * 96 * 3);
+}
+
+static uint8_t direct[96 * 96 * 4], cells[96 * 96 * 4], other[96 * 96 * 4];
+
+static void built_then_hit(void **state)
 {
     (void)state;
-    static const double at_border[][3] = {{0.5, 0.5, 0},   {0.5, 0, 0.5}, {0, -0.5, 0.5}, {1, 0, 0},
-                                          {0.5, 0.5, 0.5}, {0, 0, 1},     {0.5, 0, -0.5}, {-0.5, -0.5, -0.5}};
-    struct cells_pose pose = {0.48, 0.5, 4, 30, 0, 90, SIDE};
-    struct sv_resolved_view view = cells_kit_view(&kit, &pose);
-    struct sv_view_rings at;
-    assert_true(sv_view_rings(&view, &at));
-    for (size_t k = 0; k < sizeof at_border / sizeof *at_border; k++) {
-        double step = at.rings.pitch * at.rings.distance_m[at.crowns_first];
-        struct sv_vec3 d = sv_vec3(at_border[k][0], at_border[k][1], at_border[k][2]);
-        struct sv_resolved_view there = cells_kit_move(&view, sv_madd(at.chain[at.crowns_first].v, d, step));
-        assert_true(check_census(&there) > 20);
-    }
+    make_cache(ROOMY);
+    assert_int_equal(draw(SV_RELIEF_OFF, direct).kind, SV_CELL_USE_NONE);
+    struct sv_cell_use first = draw(SV_RELIEF_ON, cells);
+    assert_int_equal(first.kind, SV_CELL_USE_BUILT);
+    assert_true(first.built > 0 && first.hits == 0 && first.id != 0);
+    struct sv_cell_use second = draw(SV_RELIEF_ON, other);
+    assert_int_equal(second.kind, SV_CELL_USE_HIT);
+    assert_true(second.hits == first.built && second.built == 0 && second.id == first.id);
+    assert_memory_equal(cells, other, sizeof cells);
+    /* Another picture of a scene without trees would be off by its crowns: some 12 of 255. Panels of 256
+     * texels over 90 degrees are coarser than the picture's pixels (1.3 of them), which blurs and does no
+     * more. */
+    assert_true(mean_difference(direct, cells) < 6);
+    assert_int_equal(sv_cell_cache_clear(cache), first.built);
+    assert_int_equal(draw(SV_RELIEF_ON, other).built, first.built);
+    assert_memory_equal(cells, other, sizeof cells);
 }
 
-/* ---- pictures ---- */
-
-/* What is asserted of a pose of a picture from cells against direct drawing cannot be derived: a texel's half
- * pixel in a crown of leaves changes any pixel. The bounds are those measured when the test was written plus
- * a quarter; a ring that is missing, doubled or out of place moves them by more (checked by leaving rings
- * out). */
-struct near_direct {
-    struct cells_pose pose;
-    double off_most, ssim_least;
-};
-static const struct near_direct pictures[] = {
-    {{0.5, 0.25, 40, 0, -15, 60, SIDE}, 3.2, 0.92},   {{0.5, 0.2, 15, 10, -5, 60, SIDE}, 1.6, 0.97},
-    {{0.52, 0.45, 1.7, 120, 3, 60, SIDE}, 5.0, 0.86}, {{0.4, 0.5, 25, 90, -20, 60, SIDE}, 3.5, 0.92},
-    {{0.5, 0.5, 90, 0, -60, 60, SIDE}, 2.4, 0.96},
-};
-
-static void pictures_are_near_direct_drawing(void **state)
+/* Where the cache has no room, and where another process is building all that it holds. */
+static void in_memory_of_its_own(void **state)
 {
     (void)state;
-    struct sv_error error = {0};
-    for (size_t k = 0; k < sizeof pictures / sizeof *pictures; k++) {
-        struct sv_resolved_view view = cells_kit_view(&kit, &pictures[k].pose);
-        struct sv_cells_report report;
-        struct sv_compare_result r;
-        struct sv_image direct = cells_kit_direct(&kit, &view), cells = cells_kit_draw(&kit, &view, &report);
-        char name[64];
-        snprintf(name, sizeof name, "cells-%zu-direct", k);
-        kit_keep(&direct, name);
-        snprintf(name, sizeof name, "cells-%zu", k);
-        kit_keep(&cells, name);
-        assert_int_equal(sv_compare(&cells, &direct, &SV_COMPARE_OPTIONS_DEFAULT, &r, &error), SV_OK);
-        printf(
-            "pose %zu: mean abs %.2f, SSIM %.3f, gradient %.2f, holes %.3f %%, %u panels built, ground %s\n",
-            k, r.mean_abs, r.ssim, r.gradient_ratio, 100.0 * (double)report.hole_pixels / (SIDE * SIDE),
-            report.built, report.ground_direct ? "directly" : "warped");
-        assert_true(r.mean_abs <= pictures[k].off_most && r.ssim >= pictures[k].ssim_least);
-        assert_true(report.built > 0 && report.holes_left == 0);
-        for (int p = 0; p < SIDE * SIDE; p++)
-            assert_int_equal(((const uint8_t *)cells.data)[4 * p + 3], 255);
-        sv_image_free(&direct);
-        sv_image_free(&cells);
+    make_cache(ROOMY);
+    struct sv_cell_use want = draw(SV_RELIEF_ON, cells);
+    struct sv_cell_cache_item items[64];
+    size_t count = sv_cell_cache_list(cache, 0, items, 64);
+    assert_int_equal(count, want.built);
+    sv_cell_cache_clear(cache);
+    held_by_others = 0;
+    for (size_t k = 0; k < count; k++) {
+        struct sv_cell_cache_panel panel;
+        assert_int_equal(
+            sv_cell_cache_reserve(cache, 2, &items[k].label, items[k].bytes, false, 0, 0, &panel),
+            SV_CELL_CACHE_GRANTED);
+        held_by_others += items[k].bytes;
     }
+    struct sv_view_request request = over_the_trees(SV_RELIEF_ON);
+    struct sv_resolved_view view = resolve(&request);
+    uint32_t built = 9, left = 9;
+    assert_int_equal(sv_renderer_build_cells(renderer, &request, &view, 99, &built, &left, NULL), SV_OK);
+    assert_true(built == 0 && left == 0); /* others are at it */
+    assert_int_equal(draw(SV_RELIEF_ON, other).built, want.built);
+    assert_memory_equal(cells, other, sizeof cells);
+    assert_int_equal(sv_cell_cache_release(cache, 2), count);
+    held_by_others = 0;
+    make_cache(NARROW);
+    assert_int_equal(draw(SV_RELIEF_ON, other).built, want.built);
+    assert_memory_equal(cells, other, sizeof cells);
 }
 
-/* Byte for byte, but for the ground's colours: a band's ground is warped by a map whose rows begin with it,
- * in floats of other roundings (2^-24 of 128 px, in units of 1/256 texel: one place in some 500 is another
- * one), and the place of another 1/256 moves a bilinear value by at most 255 / 256 levels: by 1, and that
- * seldom. */
-static void bands_are_parts_of_the_whole(void **state)
+static void built_ahead_one_by_one(void **state)
 {
     (void)state;
-    long differ = 0, values = 0;
-    static const int cuts[] = {0, 1, 37, 64, 127, SIDE};
-    static uint8_t band[SIDE * SIDE * 4];
-    struct sv_error error = {0};
-    for (size_t k = 0; k < sizeof pictures / sizeof *pictures; k++) {
-        struct sv_resolved_view view = cells_kit_view(&kit, &pictures[k].pose);
-        struct sv_cells_report report;
-        struct sv_draw_stats stats = {0};
-        struct sv_image whole = cells_kit_draw(&kit, &view, &report);
-        for (size_t b = 0; b + 1 < sizeof cuts / sizeof *cuts; b++) {
-            int rows = cuts[b + 1] - cuts[b];
-            if (sv_cells_draw(kit.cells, &view, true, cuts[b], rows, true, band, &report, &stats, &error))
-                fail_msg("%s", error.message);
-            const uint8_t *part = (const uint8_t *)whole.data + (size_t)cuts[b] * SIDE * 4;
-            for (int p = 0; p < rows * SIDE * 4; p++) {
-                assert_true(abs(band[p] - part[p]) <= 1);
-                differ += band[p] != part[p];
-            }
-        }
-        sv_image_free(&whole);
-        values += SIDE * SIDE * 4;
+    make_cache(ROOMY);
+    struct sv_view_request request = over_the_trees(SV_RELIEF_AUTO);
+    struct sv_resolved_view view = resolve(&request);
+    uint32_t built = 1, left = 1, total = 0, before = UINT32_MAX;
+    for (; left > 0; total += built) {
+        assert_int_equal(sv_renderer_build_cells(renderer, &request, &view, 1, &built, &left, NULL), SV_OK);
+        assert_int_equal(built, 1);
+        assert_true(left < before);
+        before = left;
     }
-    printf("%ld of %ld values are off by 1 in bands\n", differ, values);
-    assert_true(differ * 10000 <= values);
+    struct sv_cell_use use = draw(SV_RELIEF_AUTO, other);
+    assert_int_equal(use.kind, SV_CELL_USE_HIT);
+    assert_int_equal(use.hits, total);
+    /* What panels cannot draw is not built for. */
+    request.layers = 1u << SV_LAYER_DEPTH;
+    sv_cell_cache_clear(cache);
+    assert_int_equal(sv_renderer_build_cells(renderer, &request, &view, 1, &built, &left, NULL), SV_OK);
+    assert_true(built == 0 && left == 0);
 }
 
-/* ---- moving ---- */
-
-/* The largest change from one picture to the next, from cells and directly. */
-struct change {
-    double cells, direct, excess; /* excess: the largest of a step's change from cells over the direct one */
-};
-
-static struct change along(struct sv_resolved_view (*at)(const void *path, int k), const void *path,
-                           int frames)
-{
-    struct change most = {0, 0, -255};
-    struct sv_image before[2] = {{0}};
-    for (int k = 0; k < frames; k++) {
-        struct sv_cells_report report;
-        struct sv_resolved_view view = at(path, k);
-        struct sv_image now[2] = {cells_kit_draw(&kit, &view, &report), cells_kit_direct(&kit, &view)};
-        if (k > 0) {
-            double cells = cells_kit_off(&now[0], &before[0]), direct = cells_kit_off(&now[1], &before[1]);
-            most.cells = fmax(most.cells, cells);
-            most.direct = fmax(most.direct, direct);
-            most.excess = fmax(most.excess, cells - direct);
-        }
-        for (int n = 0; n < 2; n++) {
-            sv_image_free(&before[n]);
-            before[n] = now[n];
-        }
-    }
-    sv_image_free(&before[0]);
-    sv_image_free(&before[1]);
-    printf("largest change from picture to picture: cells %.2f, direct %.2f, at a step %.2f more\n",
-           most.cells, most.direct, most.excess);
-    return most;
-}
-
-static struct sv_resolved_view turned(const void *path, int k)
-{
-    struct cells_pose pose = *(const struct cells_pose *)path;
-    pose.heading_deg += 2 * k;
-    return cells_kit_view(&kit, &pose);
-}
-
-static struct sv_resolved_view flown(const void *path, int k)
-{
-    struct cells_pose pose = *(const struct cells_pose *)path;
-    struct sv_resolved_view view = cells_kit_view(&kit, &pose);
-    return cells_kit_move(&view, sv_madd(view.camera.eye, sv_normalize(sv_vec3(0.2, 1, 0.1)), 0.15 * k));
-}
-
-static void turning_shows_no_jump(void **state)
+/* auto draws a pose that comes once directly; one that comes again and again is built for in the end, as long
+ * as nothing was measured that speaks against it. */
+static void admitted_when_it_pays(void **state)
 {
     (void)state;
-    static const struct cells_pose poses[] = {{0.5, 0.5, 30, 17, -10, 60, SIDE},
-                                              {0.5, 0.5, 1.7, 40, 0, 60, SIDE}};
-    for (size_t k = 0; k < sizeof poses / sizeof *poses; k++) {
-        struct change c = along(turned, &poses[k], 12);
-        assert_true(c.direct > 0 && c.cells <= c.direct + 0.5 && c.excess <= 0.5);
-    }
+    make_cache(ROOMY);
+    draw(SV_RELIEF_OFF, direct);
+    struct sv_cell_use use = draw(SV_RELIEF_AUTO, other);
+    assert_int_equal(use.kind, SV_CELL_USE_BYPASS);
+    assert_memory_equal(direct, other, sizeof direct);
+    int times = 1;
+    for (; use.kind == SV_CELL_USE_BYPASS && times < 100; times++)
+        use = draw(SV_RELIEF_AUTO, other);
+    assert_int_equal(use.kind, SV_CELL_USE_BUILT);
+    assert_true(times > 2);
 }
 
-/* A step over a border of cells adds what two panels of one wood differ by: 1.6 levels were measured, 2.5 are
- * allowed. */
-static void flying_shows_no_jump(void **state)
+static void without_a_slot(void **state)
 {
     (void)state;
-    static const struct cells_pose poses[] = {{0.5, 0.35, 20, 10, -12, 60, SIDE},
-                                              {0.5, 0.42, 2.5, 10, 2, 60, SIDE}};
-    for (size_t k = 0; k < sizeof poses / sizeof *poses; k++) {
-        struct change c = along(flown, &poses[k], 12);
-        assert_true(c.direct > 0 && c.cells <= c.direct + 3 && c.excess <= 3);
-    }
-}
-
-/* One eye on the border of two cells, drawn from the one and from the other: direct drawing would show no
- * change at all. The border is found by halving the way between two eyes of different cells. */
-static void hand_over_is_not_seen(void **state)
-{
-    (void)state;
-    static const struct cells_pose poses[] = {{0.5, 0.3, 35, 0, -15, 60, SIDE},
-                                              {0.5, 0.42, 2, 30, 2, 60, SIDE}};
-    for (size_t k = 0; k < sizeof poses / sizeof *poses; k++) {
-        struct sv_resolved_view view = cells_kit_view(&kit, &poses[k]), far = view;
-        far.camera.eye = sv_madd(view.camera.eye, sv_vec3(0.6, 0.8, 0), 8);
-        struct sv_view_rings at, other;
-        for (int n = 0; n < 50; n++) {
-            struct sv_resolved_view middle =
-                cells_kit_move(&view, sv_scale(sv_add(view.camera.eye, far.camera.eye), 0.5));
-            assert_true(sv_view_rings(&view, &at) && sv_view_rings(&middle, &other));
-            bool same = at.chain[at.rings.count - 3].i == other.chain[at.rings.count - 3].i &&
-                        at.chain[at.rings.count - 3].j == other.chain[at.rings.count - 3].j &&
-                        at.chain[at.rings.count - 3].k == other.chain[at.rings.count - 3].k;
-            *(same ? &view : &far) = middle;
-        }
-        assert_true(sv_length(sv_sub(view.camera.eye, far.camera.eye)) < 1e-6);
-        struct sv_cells_report report[2];
-        struct sv_image direct = cells_kit_direct(&kit, &view), one = cells_kit_draw(&kit, &view, &report[0]),
-                        next = cells_kit_draw(&kit, &far, &report[1]);
-        double over = cells_kit_off(&one, &next), off = cells_kit_off(&one, &direct);
-        printf("hand-over: %.2f of 255; from direct drawing %.2f\n", over, off);
-        assert_true(report[0].id != report[1].id && over <= off + 1 && over <= 8);
-        sv_image_free(&direct);
-        sv_image_free(&one);
-        sv_image_free(&next);
-    }
+    make_cache(ROOMY);
+    sv_renderer_use_cells_slot(renderer, 5);
+    assert_int_equal(draw(SV_RELIEF_ON, cells).kind, SV_CELL_USE_BUILT);
+    draw(SV_RELIEF_OFF, direct);
+    sv_renderer_use_cells_slot(renderer, -1);
+    assert_int_equal(draw(SV_RELIEF_ON, other).kind, SV_CELL_USE_BYPASS);
+    assert_memory_equal(direct, other, sizeof direct);
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(a_tree_is_in_one_ring),
-                                       cmocka_unit_test(nor_is_it_lost_where_cells_meet),
-                                       cmocka_unit_test(pictures_are_near_direct_drawing),
-                                       cmocka_unit_test(bands_are_parts_of_the_whole),
-                                       cmocka_unit_test(turning_shows_no_jump),
-                                       cmocka_unit_test(flying_shows_no_jump),
-                                       cmocka_unit_test(hand_over_is_not_seen)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(built_then_hit),         cmocka_unit_test(in_memory_of_its_own),
+        cmocka_unit_test(built_ahead_one_by_one), cmocka_unit_test(admitted_when_it_pays),
+        cmocka_unit_test(without_a_slot),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -36,7 +36,7 @@ static int teardown(void **state)
     return system(command);
 }
 
-/* off_most: as in test_cells.c, what was measured plus a quarter. */
+/* off_most: as in test_cells_pictures.c, what was measured plus a quarter. */
 struct place {
     const char *name;
     struct cells_pose pose;
