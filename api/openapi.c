@@ -11,6 +11,7 @@
 #include "api/fields.h"
 #include "api/json_write.h"
 #include "api/number.h"
+#include "api/patch_parse.h"
 
 static cJSON *reference(const char *group, const char *name, bool *good)
 {
@@ -363,10 +364,11 @@ static cJSON *operation(const struct sv_endpoint *endpoint, bool *good)
     sv_api_json_add(object, "parameters", list, good);
     if (endpoint->body) {
         cJSON *body = cJSON_CreateObject();
-        const char *schema = !endpoint->built                             ? NULL
-                             : strcmp(endpoint->path, "/v1/view") == 0    ? "View"
-                             : strcmp(endpoint->path, "/v1/cells") == 0   ? "Views"
-                                                                          : NULL;
+        static const char *const schemas[][2] = {{"postView", "View"}, {"postCells", "Views"}, {"patchScene", "Patch"}};
+        const char *schema = NULL;
+        for (size_t k = 0; k < sizeof schemas / sizeof *schemas; k++)
+            if (strcmp(endpoint->id, schemas[k][0]) == 0)
+                schema = schemas[k][1];
         sv_api_json_add_bool(body, "required", true, good);
         sv_api_json_add(body, "content",
                         content(endpoint->body, schema ? reference("schemas", schema, good) : NULL, good),
@@ -428,6 +430,7 @@ static cJSON *components(bool *good)
                                 "\"items\":{\"$ref\":\"#/components/schemas/View\"},\"minItems\":1,"
                                 "\"maxItems\":256}},\"required\":[\"views\"],\"additionalProperties\":false}"),
                     good);
+    sv_api_json_add(schemas, "Patch", sv_api_patch_schema(good), good);
     sv_api_json_add(schemas, "Problem", problem_schema(good), good);
     sv_api_json_add(object, "schemas", schemas, good);
     sv_api_json_add(object, "parameters", parameters(good), good);

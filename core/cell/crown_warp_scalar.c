@@ -72,6 +72,11 @@ static float clamp(float v, float lo, float hi) /* NaN: lo */
     return v < hi ? v : hi;
 }
 
+static float steepen(float weight)
+{
+    return clamp(weight * SV_CROWN_STEEP - (0.5f * SV_CROWN_STEEP - 0.5f), 0, 1);
+}
+
 static int linear_of(uint8_t code, int channel) /* 255 * 255: all */
 {
     return code * (channel < 3 ? code : 255) - SV_CROWN_BIAS;
@@ -83,8 +88,8 @@ static void blend(const struct sv_panel_layer *layer, float u, float v, float ou
     int last = layer->size - 2, i = (int)u, j = (int)v;
     i = i < last ? i : last;
     j = j < last ? j : last;
-    int wu = (int)((u - (float)i) * 256);
-    float fv = v - (float)j;
+    int wu = (int)(steepen(u - (float)i) * 256);
+    float fv = steepen(v - (float)j);
     const uint8_t(*t)[4] = layer->color + (size_t)j * (size_t)layer->size + (size_t)i;
     const uint8_t(*b)[4] = t + layer->size;
     for (int c = 0; c < 4; c++) {

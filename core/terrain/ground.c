@@ -299,7 +299,13 @@ void sv_ground_shade_by(const struct sv_ground *ground, const struct sv_ground_v
     set_maps(&job, ground, view->camera->eye);
     set_detail(&job, ground, view->camera->eye);
     set_shadows(&job, ground, view->shadows, view->camera->eye);
-    for (int y = 0; y < view->camera->height; y++)
+    size_t skip = (size_t)view->row_first * (size_t)view->camera->width; /* rows count from the picture's top */
+    job.rgba -= 4 * skip;
+    job.depth -= skip;
+    if (job.hidden)
+        job.hidden -= skip;
+    int end = view->row_count > 0 ? view->row_first + view->row_count : view->camera->height;
+    for (int y = view->row_first; y < end; y++)
         row(&job, y);
 }
 

@@ -31,11 +31,13 @@ struct sv_ground_view {
     double shift_x_px, shift_y_px;   /* the sample inside the pixel */
     struct sv_shadow_pages *shadows; /* with a scene in use (sv_shadow_pages_use); NULL: no shadows */
     bool sky;                        /* pixels of depth 0 show the sky; else they become 0, transparent */
-    const float *depth;    /* camera's width * height: window depth as GL has it (reversed), 0: no ground */
+    int row_first, row_count; /* the band of rows that is shaded; its planes hold no others; row_count 0: all of the
+                                 picture, row_first is then 0 */
+    const float *depth;    /* camera's width * rows: window depth as GL has it (reversed), 0: no ground */
     const uint8_t *hidden; /* pixels that are not 0 are left as they are, at next to no cost; NULL: none */
 };
 
-/* Shades every pixel into rgba (camera's width * height * 4, sRGB, alpha 255 on ground and sky). About 15 ns
+/* Shades every pixel into rgba (camera's width * rows * 4, sRGB, alpha 255 on ground and sky). About 15 ns
  * a pixel. */
 void sv_ground_shade(const struct sv_ground *ground, const struct sv_ground_view *view, uint8_t *rgba);
 

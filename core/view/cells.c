@@ -18,6 +18,8 @@
  * depth is that of their middle where they are far). */
 #define BEHIND 0.01f
 
+/* Leaves of trees this near are pixels large: more samples cost more than they mend. */
+enum { NEAR_LEAF_SAMPLES = 1 };
 enum { PINS_MAX = (SV_CELL_RINGS_MAX + 1) * SV_CELL_FACES };
 enum held { HELD_NOT, HELD_SHARED, HELD_OWN };
 
@@ -39,7 +41,7 @@ struct sv_cells {
     struct sv_crown_buffer *crowns; /* of the last size and band */
     struct sv_warp_buffer ground;
     int width, row_first, row_count;
-    float *depth;     /* of the band: window depth of what is opaque */
+    float *depth; /* of the band: window depth of what is opaque */
     float (*light)[4];
     uint8_t (*rgba)[4]; /* ground and sky */
     uint8_t *hidden;
@@ -48,7 +50,8 @@ struct sv_cells {
 };
 
 enum sv_status sv_cells_create(const struct sv_scene *scene, struct sv_direct *direct,
-                               const struct sv_cells_options *options, struct sv_cells **cells, struct sv_error *error)
+                               const struct sv_cells_options *options, struct sv_cells **cells,
+                               struct sv_error *error)
 {
     struct sv_cells *c = calloc(1, sizeof *c);
     if (!c)
@@ -122,8 +125,8 @@ static enum sv_status want_band(struct sv_cells *c, int width, int row_first, in
 
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 {
-    return view->camera.projection == SV_PROJECTION_PERSPECTIVE && !view->plan.raycast && view->plan.samples == 1 &&
-           layers == 1u << SV_LAYER_COLOR &&
+    return view->camera.projection == SV_PROJECTION_PERSPECTIVE && !view->plan.raycast &&
+           view->plan.samples == 1 && layers == 1u << SV_LAYER_COLOR &&
            (!view->plan.draw_trees || view->plan.trees == SV_TREES_AUTO);
 }
 
@@ -140,8 +143,9 @@ struct frame {
     struct sv_cells_report *report;
 };
 
-/* What a strip of a face holds is where forward >= D, right within +-across forward and up within bottom .. top times
- * forward: the hull of four corners and four directions. Out of view when all of them are outside of one plane. */
+/* What a strip of a face holds is where forward >= D, right within +-across forward and up within bottom ..
+ * top times forward: the hull of four corners and four directions. Out of view when all of them are outside
+ * of one plane. */
 static bool strip_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face,
                           double across, double bottom, double top)
 {
@@ -153,7 +157,8 @@ static bool strip_in_view(const struct frame *f, struct sv_vec3 v, double distan
         struct sv_vec3 normal = {n[0], n[1], n[2]};
         bool inside = false;
         for (int k = 0; k < 4 && !inside; k++) {
-            struct sv_vec3 d = sv_madd(sv_madd(forward, right, k & 1 ? across : -across), up, k & 2 ? top : bottom);
+            struct sv_vec3 d =
+                sv_madd(sv_madd(forward, right, k & 1 ? across : -across), up, k & 2 ? top : bottom);
             inside = sv_dot(normal, d) > 0 || sv_dot(normal, sv_madd(from, d, distance_m)) + n[3] >= 0;
         }
         if (!inside)
@@ -218,11 +223,7 @@ static enum sv_status reserve(struct sv_cells *c, const struct sv_cell_cache_lab
 static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
                             bool must, struct seen *s, struct sv_error *error)
 {
-    size_t bytes = sv_panel_bytes(f->size, s->layer);
     double since = now(c);
-    enum sv_status status = reserve(c, label, bytes, must, s, error);
-    if (status || s->held == HELD_NOT)
-        return status;
     struct sv_panels_order order = {.about = {.key = label->key,
                                               .place = label->parts.place,
                                               .distance_m = label->shell.distance_m,
@@ -231,6 +232,13 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
                                               .layers = s->layer},
                                     .shell = label->shell,
                                     .view = f->view};
+    enum sv_status status = sv_panels_size(c->panels, &order, &order.about.size, error);
+    if (status)
+        return status;
+    size_t bytes = sv_panel_bytes(order.about.size, s->layer);
+    status = reserve(c, label, bytes, must, s, error);
+    if (status || s->held == HELD_NOT)
+        return status;
     status = sv_panels_draw(c->panels, &order, s->pin.data, s->pin.bytes, error);
     if (status)
         return status;
@@ -294,6 +302,22 @@ static void make_keys(const struct sv_cells *c, struct frame *f)
     f->scene_key = c->scene->version;
 }
 
+/* Top and bottom of a band of rows, half a pixel outside of it as sv_camera_planes has them. */
+static void band_planes(const struct sv_camera *camera, int first, int end, double planes[5][4])
+{
+    double focal = sv_camera_focal_px(camera), middle = 0.5 * camera->height;
+    double top = (middle - first + 0.5) / focal, bottom = (middle - end - 0.5) / focal;
+    struct sv_vec3 below_top = sv_normalize(sv_sub(sv_scale(camera->forward, top), camera->up));
+    struct sv_vec3 above_bottom = sv_normalize(sv_sub(camera->up, sv_scale(camera->forward, bottom)));
+    const struct sv_vec3 normals[2] = {below_top, above_bottom};
+    for (int k = 0; k < 2; k++) {
+        planes[2 + k][0] = normals[k].x;
+        planes[2 + k][1] = normals[k].y;
+        planes[2 + k][2] = normals[k].z;
+        planes[2 + k][3] = 0;
+    }
+}
+
 static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_error *error)
 {
     const struct sv_resolved_view *view = f->view;
@@ -303,6 +327,7 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
     f->ground_ring = sv_panels_free_ring(c->panels, &f->at.rings, f->at.chain);
     make_keys(c, f);
     sv_camera_planes(&view->camera, f->planes);
+    band_planes(&view->camera, c->row_first, c->row_first + c->row_count, f->planes);
     f->report->ground_direct = f->ground_ring < 0;
     f->report->id = sv_cell_key(&f->at.rings, &(struct sv_cell_key_parts){.place = f->at.chain[f->at.crowns_first],
                                                                          .size = f->size,
@@ -313,24 +338,36 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
 
 /* ---- what is opaque ---- */
 
+/* What stands on the ground besides trees cannot be shaded by depth alone. */
+static bool has_objects(const struct sv_cells *c)
+{
+    return c->scene->object_count > 0;
+}
+
 static enum sv_status draw_ground_directly(struct sv_cells *c, const struct frame *f, struct sv_error *error)
 {
-    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH, .sky = f->sky};
+    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_DEPTH, .sky = f->sky};
     struct sv_picture picture = {0};
+    if (has_objects(c))
+        pass.layers |= 1u << SV_LAYER_COLOR;
     enum sv_status status = sv_picture_alloc(&f->view->camera, pass.layers, &picture, error);
     if (!status)
         status = sv_direct_draw(c->direct, f->view, &pass, &picture, NULL, error);
     if (!status) {
-        size_t skip = (size_t)c->row_first * (size_t)c->width, pixels = (size_t)c->row_count * (size_t)c->width;
+        size_t skip = (size_t)c->row_first * (size_t)c->width,
+               pixels = (size_t)c->row_count * (size_t)c->width;
         memcpy(c->depth, (const float *)picture.layer[SV_LAYER_DEPTH].data + skip, pixels * sizeof *c->depth);
-        memcpy(c->rgba, (const uint8_t *)picture.layer[SV_LAYER_COLOR].data + 4 * skip, 4 * pixels);
+        if (has_objects(c))
+            memcpy(c->rgba, (const uint8_t *)picture.layer[SV_LAYER_COLOR].data + 4 * skip, 4 * pixels);
+        else
+            memset(c->rgba, 0, 4 * pixels);
     }
     sv_picture_finish(&picture);
     return status;
 }
 
-/* Rows of a ground panel that hold anything in view: by blocks, each the hull of its four corner directions at q = 0 and
- * its corner points at q = 1; and not above the first that is not empty. */
+/* Rows of a ground panel that hold anything in view: by blocks, each the hull of its four corner directions
+ * at q = 0 and its corner points at q = 1; and not above the first that is not empty. */
 static void rows_in_view(const struct frame *f, const struct seen *s, int *first, int *end)
 {
     enum { BLOCK = 16 };
@@ -353,7 +390,8 @@ static void rows_in_view(const struct frame *f, const struct seen *s, int *first
         if (any)
             break;
     }
-    *first = *first > 0 && *first < *end ? *first - 1 : *first; /* its neighbours above are torn off, not cut off */
+    *first = *first > 0 && *first < *end ? *first - 1
+                                         : *first; /* its neighbours above are torn off, not cut off */
 }
 
 /* Ground sources among what is seen; the map's rows begin with the band. */
@@ -393,7 +431,7 @@ static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
     return count;
 }
 
-static enum sv_status warp_ground(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+static void warp_ground(struct sv_cells *c, const struct frame *f)
 {
     struct sv_warp_source sources[SV_CELL_FACES];
     struct sv_warp_stats stats = {0};
@@ -403,26 +441,35 @@ static enum sv_status warp_ground(struct sv_cells *c, const struct frame *f, str
     for (unsigned k = 0; k < count; k++)
         sv_warp_splat(&sources[k], k, &c->ground, &stats);
     sv_warp_fill(sources, count, &c->ground, &stats);
-    memset(c->depth, 0, pixels * sizeof *c->depth);
-    sv_warp_resolve_depth(sources, &c->ground, c->depth);
-    memset(c->rgba, 0, 4 * pixels);
-    sv_warp_resolve(sources, count, &c->ground, c->rgba);
+    memcpy(c->depth, c->ground.depth, pixels * sizeof *c->depth);
     f->report->hole_pixels = stats.holes;
     f->report->holes_left = stats.holes_left;
-    (void)error;
-    return SV_OK;
 }
 
-/* The sky into what no ground fills. */
-static enum sv_status draw_sky(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+/* The ground's colour where crowns let anything through. */
+static void color_ground(struct sv_cells *c, const struct frame *f)
+{
+    struct sv_warp_source sources[SV_CELL_FACES];
+    size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    for (size_t k = 0; k < pixels; k++)
+        if (c->light[k][3] < SV_CROWN_PASS_MIN)
+            c->ground.texel[k] = SV_WARP_EMPTY;
+    memset(c->rgba, 0, 4 * pixels);
+    unsigned count = ground_sources(c, f, sources);
+    sv_warp_resolve(sources, count, &c->ground, c->rgba);
+}
+
+/* What crowns let through: sky where no ground is, and ground that has no colour yet. */
+static enum sv_status shade_behind(struct sv_cells *c, const struct frame *f, struct sv_error *error)
 {
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
-    if (!f->sky || f->ground_ring < 0)
+    bool direct = f->ground_ring < 0;
+    if (direct ? has_objects(c) : !f->sky)
         return SV_OK;
     for (size_t k = 0; k < pixels; k++)
-        c->hidden[k] = c->depth[k] > 0 || c->light[k][3] < SV_CROWN_PASS_MIN;
-    struct sv_resolved_view view = *f->view;
-    return sv_direct_shade_ground(c->direct, &view, true, c->depth, c->hidden, c->rgba[0], error);
+        c->hidden[k] = c->light[k][3] < SV_CROWN_PASS_MIN || (!direct && c->depth[k] > 0);
+    return sv_direct_shade_ground(c->direct, f->view, f->sky, c->row_first, c->row_count, c->depth, c->hidden,
+                                  c->rgba[0], error);
 }
 
 /* ---- crowns ---- */
@@ -455,8 +502,8 @@ static void warp_crowns(struct sv_cells *c, const struct frame *f)
 }
 
 /* Trees within the innermost cube, over all. */
-static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8_t *rgba, struct sv_draw_stats *stats,
-                                struct sv_error *error)
+static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8_t *rgba,
+                                struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_cell_place first = f->at.chain[f->at.crowns_first];
     struct sv_tree_shell shell = {.inner_m = -1, .outer = first.v, .outer_m = f->at.rings.distance_m[f->at.crowns_first]};
@@ -466,10 +513,14 @@ static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8
                                .row_count = c->row_count,
                                .depth = c->depth,
                                .color = rgba};
-    return sv_direct_draw_trees(c->direct, f->view, &shell, &canvas, stats, error);
+    struct sv_resolved_view view = *f->view;
+    view.plan.leaf_samples =
+        view.plan.leaf_samples < NEAR_LEAF_SAMPLES ? view.plan.leaf_samples : NEAR_LEAF_SAMPLES;
+    return sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
 }
 
-static double since(const struct sv_cells *c, struct sv_cells_report *report, enum sv_stage stage, double from)
+static double since(const struct sv_cells *c, struct sv_cells_report *report, enum sv_stage stage,
+                    double from)
 {
     double t = now(c);
     report->ms[stage] = fmax(report->ms[stage], 0) + t - from;
@@ -504,18 +555,22 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
     if (!status)
         status = choose(c, &f, error);
     double t = now(c);
-    if (!status)
-        status = f.ground_ring < 0 ? draw_ground_directly(c, &f, error) : warp_ground(c, &f, error);
+    if (!status && f.ground_ring < 0)
+        status = draw_ground_directly(c, &f, error);
+    else if (!status)
+        warp_ground(c, &f);
     t = since(c, report, f.ground_ring < 0 ? SV_STAGE_NEAR : SV_STAGE_WARP, t);
     if (!status)
         warp_crowns(c, &f);
+    if (!status && f.ground_ring >= 0)
+        color_ground(c, &f);
     release(c);
     t = since(c, report, SV_STAGE_WARP, t);
     if (!status)
-        status = draw_sky(c, &f, error);
+        status = shade_behind(c, &f, error);
     if (!status)
-        sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])c->light, (const uint8_t(*)[4])c->rgba,
-                   (uint8_t(*)[4])rgba);
+        sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])c->light,
+                   (const uint8_t(*)[4])c->rgba, (uint8_t(*)[4])rgba);
     t = since(c, report, SV_STAGE_COMPOSITE, t);
     if (!status)
         status = draw_near(c, &f, rgba, stats, error);

@@ -1,13 +1,15 @@
-/* cells.h - a view drawn from relief panels of the cells that the eye is in, and what is near drawn over them.
+/* cells.h - a view drawn from relief panels of the cells that the eye is in, and what is near drawn over
+ * them.
  *
- * Trees stand in rings of panels around the eye (core/cell/lattice.h): each ring is a layer, warped (crown_warp.h) and
- * composed front to back, so that rings show through one another's gaps. Ground is opaque: one set of panels about a
- * reference point whose cube touches neither ground nor object, warped as sheets (core/relief/warp.h); where no cube is
- * free (eyes close to the ground) it is drawn directly. What hides what between trees and ground is decided pixel by
- * pixel by depth. Trees within the innermost cube are drawn directly, over all.
+ * Trees stand in rings of panels around the eye (core/cell/lattice.h): each ring is a layer, warped
+ * (crown_warp.h) and composed front to back, so that rings show through one another's gaps. Ground is opaque:
+ * one set of panels about a reference point whose cube touches neither ground nor object, warped as sheets
+ * (core/relief/warp.h); where no cube is free (eyes close to the ground) it is drawn directly. What hides
+ * what between trees and ground is decided pixel by pixel by depth. Trees within the innermost cube are drawn
+ * directly, over all.
  *
- * Panels are built when a view needs them and kept in a cache (core/cell/cache.h) that processes may share. Paper 1,
- * section 5; design.md section 6. One thread. */
+ * Panels are built when a view needs them and kept in a cache (core/cell/cache.h) that processes may share.
+ * Paper 1, section 5; design.md section 6. One thread. */
 #ifndef SV_VIEW_CELLS_H
 #define SV_VIEW_CELLS_H
 
@@ -41,7 +43,8 @@ struct sv_cells_report {
     double ms[SV_STAGE_COUNT]; /* cell, warp, near, composite; negative: did not run */
 };
 
-/* Whether the view can be drawn from cells at all: perspective, one sample, colour alone, trees in the form auto. */
+/* Whether the view can be drawn from cells at all: perspective, one sample, colour alone, trees in the form
+ * auto. */
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers);
 /* This process, which was forked since, has that slot of the cache. */
 void sv_cells_use_slot(struct sv_cells *cells, unsigned slot);

@@ -5,7 +5,7 @@
 #define SV_VIEW_DIRECT_H
 
 #include "core/cell/sweep.h"
-#include "core/scene/scene.h"
+#include "core/scene/patch_apply.h"
 #include "core/tree/draw.h"
 #include "core/view/picture.h"
 #include "core/view/resolved.h"
@@ -21,6 +21,12 @@ SV_MUST_CHECK enum sv_status sv_direct_create(const struct sv_scene *scene, stru
 void sv_direct_destroy(struct sv_direct *direct); /* NULL is legal */
 /* As sv_renderer_warm_shadows. */
 SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, struct sv_error *error);
+
+/* As sv_renderer_change: the scene has changed in place. The light of a new sun at more than
+ * SV_DIRECT_SUN_TREES trees is left to the first view that wants it. */
+enum { SV_DIRECT_SUN_TREES = 300000 };
+SV_MUST_CHECK enum sv_status sv_direct_change(struct sv_direct *direct, const struct sv_scene_delta *delta,
+                                              struct sv_store *store, struct sv_error *error);
 
 struct sv_direct_pass {
     unsigned layers;               /* bit set of 1u << enum sv_layer, not 0 */
@@ -42,13 +48,22 @@ SV_MUST_CHECK enum sv_status sv_direct_draw_trees(struct sv_direct *direct,
                                                   const struct sv_canvas *canvas, struct sv_draw_stats *stats,
                                                   struct sv_error *error);
 
-/* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth alone (0:
- * sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB, width * height * 4. */
-SV_MUST_CHECK enum sv_status sv_direct_shade_ground(struct sv_direct *direct, const struct sv_resolved_view *view,
-                                                    bool sky, const float *depth, const uint8_t *hidden,
-                                                    uint8_t *rgba, struct sv_error *error);
+/* Whether any tree of the shell may be in the view. */
+SV_MUST_CHECK enum sv_status sv_direct_sees_trees(struct sv_direct *direct,
+                                                  const struct sv_resolved_view *view,
+                                                  const struct sv_tree_shell *shell, bool *any,
+                                                  struct sv_error *error);
+/* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth
+ * alone (0: sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB.
+ * All planes hold rows row_first .. row_first + row_count - 1 (at least one). */
+SV_MUST_CHECK enum sv_status sv_direct_shade_ground(struct sv_direct *direct,
+                                                    const struct sv_resolved_view *view, bool sky,
+                                                    int row_first, int row_count, const float *depth,
+                                                    const uint8_t *hidden, uint8_t *rgba,
+                                                    struct sv_error *error);
 /* A ground panel (core/cell/panel_ground.h) under the view's light; its camera is not read. */
-SV_MUST_CHECK enum sv_status sv_direct_ground_panel(struct sv_direct *direct, const struct sv_resolved_view *view,
+SV_MUST_CHECK enum sv_status sv_direct_ground_panel(struct sv_direct *direct,
+                                                    const struct sv_resolved_view *view,
                                                     const struct sv_sweep *sweep, float *q,
                                                     uint8_t (*color)[4], struct sv_error *error);
 

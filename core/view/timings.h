@@ -52,7 +52,8 @@ struct sv_cell_use {
 
 struct sv_draw_stats {
     uint32_t terrain_triangles;
-    uint32_t near_trees, far_trees; /* as leaves or polygons one by one; in all other forms. Fading ones count twice */
+    uint32_t near_trees,
+        far_trees; /* as leaves or polygons one by one; in all other forms. Fading ones count twice */
     uint32_t polygon_objects, relief_objects;
     double terrain_error_px;
     struct sv_cell_use cell;
