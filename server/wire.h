@@ -8,8 +8,9 @@
  *
  * daemon -> scene   FORK (fd: the worker's end of a socketpair)
  * scene  -> daemon  READY (fd: memfd with the facts as JSON), or REASON ... REASON FAILED; FORKED (fd:
- * pidfd), EXITED, FACTS (fd: memfd) daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED,
- * DRAWN
+ * pidfd), EXITED, FACTS (fd: memfd) CELLS (fd: memfd of relief panels, before READY)
+ * daemon -> worker  RESOLVE, VIEW (fd: slab), BUILD
+ * worker -> daemon  RESOLVED, DRAWN, BUILT
  *
  * A patch: daemon -> scene PATCH (fd: the successor's end of a socketpair), which is forked from the scene
  * process and told of by FOLLOWED; daemon -> successor PATCH_TEXT (fd: memfd with the body) over its own
@@ -43,7 +44,10 @@ enum { SV_WIRE_VERSION = 2 };
     X(SV_WIRE_FOLLOWED, struct sv_wire_followed, followed) \
     X(SV_WIRE_PATCH_TEXT, struct sv_wire_patch_text, text) \
     X(SV_WIRE_PATCHED, struct sv_wire_patched, patched)    \
-    X(SV_WIRE_FACTS, struct sv_wire_facts, facts)
+    X(SV_WIRE_FACTS, struct sv_wire_facts, facts)          \
+    X(SV_WIRE_CELLS, struct sv_wire_cells, cells)          \
+    X(SV_WIRE_BUILD, struct sv_wire_build, build)          \
+    X(SV_WIRE_BUILT, struct sv_wire_built, built)
 
 enum sv_wire_type {
 #define X(name, type, member) name,
@@ -72,6 +76,11 @@ struct sv_wire_ready {
 struct sv_wire_facts { /* with a memfd: what READY brought is out of date */
     struct sv_wire_head head;
     uint64_t facts_bytes;
+};
+
+struct sv_wire_cells { /* with a memfd (server/cells_memory.h): the panels that the workers to come share */
+    struct sv_wire_head head;
+    uint64_t bytes;
 };
 
 struct sv_wire_reason { /* one reason why a scene does not load */
@@ -155,6 +164,22 @@ struct sv_wire_patched {
     struct sv_wire_head head;
     double ms; /* that the change took */
     struct sv_scene_change change;
+};
+
+struct sv_wire_build { /* panels that the view would be drawn from */
+    struct sv_wire_head head;
+    struct sv_view_request request;
+    uint32_t most; /* panels to build at most */
+    uint32_t reserved;
+};
+
+struct sv_wire_built {
+    struct sv_wire_head head;
+    uint32_t status; /* enum sv_status; error is set when it is not SV_OK */
+    uint32_t built, left; /* panels; left: still missing */
+    uint32_t reserved;
+    uint64_t own_bytes; /* as in sv_wire_drawn */
+    struct sv_error error;
 };
 
 union sv_wire_message {

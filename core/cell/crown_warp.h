@@ -17,15 +17,18 @@
  * Texels with w <= 0, d outside [0, 1] or anything not finite are not drawn. Among equal d the lower source,
  * then the lower texel (row by row) wins.
  *
- * Resolve. With q the stored one of the texel that won, the pixel's centre shows the panel at (own
- * derivation, m = [a b c e] in columns, rows x, y, w; A = [a b e], r = A^-1 (x, y, 1), g = A^-1 c) xs = (r_x
- * / r_w) (1 + q g_w) - q g_x,   ys = (r_y / r_w) (1 + q g_w) - q g_y exactly: colour is bilinear there, in
- * linear light and premultiplied. A pixel that no texel covers takes the nearest (largest d) of its eight
- * neighbours' texels, or else of the sixteen around those: what has opened beside one shows what the panel
- * has beside it, and beyond a silhouette there is nothing to be seen (coverage 0). So no rims of empty texels
- * are needed around crowns. (Measured on a forest, tests/experiments/cell_crowns: without that 4 to 7 % of
- * light leaks through cracks, 1 to 2 % with it; larger reaches, the farthest neighbour, a second step by the
- * q found at the place, and smoothed q gave nothing.)
+ * Resolve. With q the stored one of the texel that won, the pixel's centre shows the panel at
+ *
+ *     xs = (r_x / r_w) (1 + q g_w) - q g_x,   ys = (r_y / r_w) (1 + q g_w) - q g_y
+ *
+ * exactly (own derivation; m = [a b c e] in columns, rows x, y, w; A = [a b e], r = A^-1 (x, y, 1), g = A^-1
+ * c): colour is bilinear there, in linear light and premultiplied. A pixel that no texel covers takes the
+ * nearest (largest d) of its eight neighbours' texels, or else of the sixteen around those: what has opened
+ * beside one shows what the panel has beside it, and beyond a silhouette there is nothing to be seen
+ * (coverage 0). So no rims of empty texels are needed around crowns. (Measured on a forest,
+ * tests/experiments/cell_crowns: without that 2 to 7 % of light leaks through cracks, 0.1 to 1.3 % with it;
+ * larger reaches, the farthest neighbour, a second step by the q found at the place, and smoothed q gave
+ * nothing.)
  *
  * Results do not depend on the SIMD level, on the order of tiles, or on how a picture is cut into bands: rows
  * of a band are bit for bit those of the whole picture. One thread at a time a buffer; any process. */

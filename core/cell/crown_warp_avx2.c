@@ -225,20 +225,28 @@ static bool any_key(const struct sv_crown_buffer *buffer, int i0, int i1, int j0
     return _mm256_movemask_epi8(_mm256_cmpgt_epi64(_mm256_castpd_si256(any), epoch)) != 0;
 }
 
-/* Four pixels' keys, or the nearest ones of the first square around each that has any. Keys are positive and,
- * as doubles, in the same order. */
+/* The largest of the keys around each of four pixels. Keys are positive and, as doubles, in the same order.
+ */
+static inline __m256i largest_around(const uint64_t *keys, ptrdiff_t stride, const int reach)
+{
+    __m256d best = _mm256_setzero_pd();
+    for (int j = -reach; j <= reach; j++)
+        for (int i = -reach; i <= reach; i++)
+            best = _mm256_max_pd(best, _mm256_castsi256_pd(load4(keys + j * stride + i)));
+    return _mm256_castpd_si256(best);
+}
+
+/* Four pixels' keys, or the nearest ones of the first square around each that has any. */
 static inline __m256i shown_keys(const uint64_t *keys, ptrdiff_t stride, __m256i epoch, bool open)
 {
     __m256i best = load4(keys), there = _mm256_cmpgt_epi64(best, epoch);
-    for (int reach = 1; open && reach <= SV_CROWN_REACH && _mm256_movemask_epi8(there) != -1; reach++) {
-        __m256d around = _mm256_castsi256_pd(best);
-        for (int j = -reach; j <= reach; j++)
-            for (int i = -reach; i <= reach; i++)
-                around = _mm256_max_pd(around, _mm256_castsi256_pd(load4(keys + j * stride + i)));
-        best = _mm256_blendv_epi8(_mm256_castpd_si256(around), best, there);
-        there = _mm256_cmpgt_epi64(best, epoch);
-    }
-    return best;
+    if (!open || _mm256_movemask_epi8(there) == -1)
+        return best;
+    best = _mm256_blendv_epi8(largest_around(keys, stride, 1), best, there);
+    there = _mm256_cmpgt_epi64(best, epoch);
+    if (_mm256_movemask_epi8(there) == -1)
+        return best;
+    return _mm256_blendv_epi8(largest_around(keys, stride, SV_CROWN_REACH), best, there);
 }
 
 /* Eight pixels of one row: keys taken apart. */
@@ -340,10 +348,11 @@ static inline __m256 blend_row(const uint8_t (*a)[4], const uint8_t (*b)[4], __m
 static inline __m256 blend2(const struct sv_panel_layer *layer, const struct place *place,
                             const uint32_t *texels, __m256i pair)
 {
-    const uint8_t(*a)[4] = layer->color + texels[0], (*b)[4] = layer->color + texels[1];
+    const uint8_t(*upper)[4] = layer->color, (*lower)[4] = layer->color + layer->size;
     __m256i across = _mm256_permutevar8x32_epi32(place->across, pair);
     __m256 along = _mm256_permutevar8x32_ps(place->along, pair);
-    __m256 top = blend_row(a, b, across), low = blend_row(a + layer->size, b + layer->size, across);
+    __m256 top = blend_row(upper + texels[0], upper + texels[1], across);
+    __m256 low = blend_row(lower + texels[0], lower + texels[1], across);
     __m256 mean = _mm256_add_ps(top, _mm256_mul_ps(along, _mm256_sub_ps(low, top)));
     return _mm256_add_ps(mean, _mm256_set1_ps(SV_CROWN_BIAS * 256.0f));
 }
@@ -365,9 +374,10 @@ static inline void compose(const struct sv_crown_inverse *s, __m256i texel, __m2
         __m256i pair = _mm256_add_epi32(_mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1), _mm256_set1_epi32(2 * k));
         __m256 out = blend2(s->layer, &place, texels + 2 * k, pair);
         __m256 l = _mm256_loadu_ps(light[2 * k]), pass = _mm256_mul_ps(_mm256_permute_ps(l, 0xff), unit);
-        __m256 of = _mm256_castsi256_ps(_mm256_permutevar8x32_epi32(chosen, pair));
         out = _mm256_add_ps(l, _mm256_mul_ps(pass, out));
-        _mm256_storeu_ps(light[2 * k], _mm256_blendv_ps(l, out, of));
+        if ((mask >> 2 * k & 3) != 3)
+            out = _mm256_blendv_ps(l, out, _mm256_castsi256_ps(_mm256_permutevar8x32_epi32(chosen, pair)));
+        _mm256_storeu_ps(light[2 * k], out);
     }
 }
 

@@ -111,7 +111,11 @@ struct sv_panel_drawing {
 };
 enum { SV_PANEL_SCALE_MAX = 8, SV_PANEL_REACH = 4 };
 
-/* Fills a room's crowns layer. A texel is the mean of its scale x scale pixels in linear light, empty where
+/* Fills a room's crowns layer. Drawings of scale 2 are worth their price: against a supersampled picture of a
+ * forest (tests/experiments/cell_crowns) a warp from V had an SSIM of 0.92 to 0.98 with them, 0.73 to 0.85
+ * with scale 1; the mean q was a little better than the nearest.
+ *
+ * A texel is the mean of its scale x scale pixels in linear light, empty where
  * its coverage rounds to code 0; its q is the mean of those pixels that show something and know their q,
  * weighted by coverage. A texel that shows something whose q is unknown takes the largest known one at the
  * least distance (largest of row's and column's), up to SV_PANEL_REACH texels, else that of the farthest

@@ -2,28 +2,24 @@
  * tiles. One pass each, row by row, in plain loops that compilers turn into vectors. */
 #include "core/cell/panel.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/base/color.h"
 
-static uint16_t code_of_q(double q)
+static inline uint16_t code_of_q(float q)
 {
-    double code = q * SV_PANEL_Q_ONE + 0.5;
+    float code = q * SV_PANEL_Q_ONE + 0.5f;
     return (uint16_t)(code < 1 ? 1 : code > 65535 ? 65535 : code);
 }
 
-static uint8_t code_of_root(double linear)
-{
-    return (uint8_t)(255 * sqrt(linear < 1 ? linear : 1) + 0.5);
-}
-
 /* A pixel's q, or 0 where it is unknown. */
-static double q_of(const struct sv_panel_drawing *drawing, size_t pixel)
+static inline float q_of(const struct sv_panel_drawing *drawing, float q_per_depth, size_t pixel)
 {
     float d = drawing->depth[pixel];
     bool known = d > 0 && !(drawing->opaque && drawing->opaque[pixel] == d);
-    return known ? d * drawing->q_per_depth : 0;
+    return known ? d * q_per_depth : 0;
 }
 
 /* One pixel a texel: a table of codes. Returns how many texels show something of unknown q. */
@@ -32,6 +28,7 @@ static size_t take_row(const struct sv_panel_drawing *drawing, const uint8_t roo
 {
     size_t unknown = 0, first = (size_t)row * (size_t)room->size;
     const uint8_t *from = drawing->color + 4 * first;
+    float q_per_depth = (float)drawing->q_per_depth;
     memset(room->color + first, 0, (size_t)room->size * 4);
     memset(room->q + first, 0, (size_t)room->size * sizeof *room->q);
     for (int i = 0; i < room->size; i++) {
@@ -39,7 +36,7 @@ static size_t take_row(const struct sv_panel_drawing *drawing, const uint8_t roo
         if (p[3] == 0)
             continue;
         uint8_t *c = room->color[first + (size_t)i];
-        double q = q_of(drawing, first + (size_t)i);
+        float q = q_of(drawing, q_per_depth, first + (size_t)i);
         for (int k = 0; k < 3; k++)
             c[k] = root[p[k]];
         c[3] = p[3];
@@ -49,37 +46,50 @@ static size_t take_row(const struct sv_panel_drawing *drawing, const uint8_t roo
     return unknown;
 }
 
-/* scale x scale pixels a texel. */
-static size_t mean_texel(const struct sv_panel_drawing *drawing, size_t pixel, size_t stride, size_t texel,
-                         const struct sv_panel_room *room)
+/* The mean of scale x scale pixels, the first of which is `pixel`; true when it shows something of unknown q.
+ */
+static inline bool mean_texel(const struct sv_panel_drawing *drawing, const int scale, size_t pixel,
+                              size_t stride, uint8_t color[4], uint16_t *code)
 {
-    float sum[3] = {0, 0, 0};
-    double q_sum = 0;
-    unsigned covered = 0, q_weight = 0, n = (unsigned)drawing->scale;
-    for (unsigned j = 0; j < n; j++)
-        for (unsigned i = 0; i < n; i++) {
-            size_t at = pixel + j * stride + i;
-            const uint8_t *p = drawing->color + 4 * at;
-            if (p[3] == 0)
-                continue;
-            double q = q_of(drawing, at);
-            for (int k = 0; k < 3; k++)
-                sum[k] += sv_linear_from_srgb8[p[k]];
-            covered += p[3];
-            q_sum += q * p[3];
-            q_weight += q > 0 ? p[3] : 0;
-        }
-    uint8_t *c = room->color[texel];
-    unsigned a = (covered + n * n / 2) / (n * n);
-    memset(c, 0, 4);
-    room->q[texel] = 0;
+    float sum[3] = {0, 0, 0}, q_sum = 0, q_weight = 0, q_per_depth = (float)drawing->q_per_depth;
+    const float area = (float)(scale * scale);
+    unsigned covered = 0;
+    memset(color, 0, 4);
+    *code = 0;
+    for (int k = 0; k < scale * scale; k++)
+        covered += drawing->color[4 * (pixel + (size_t)(k / scale) * stride + (size_t)(k % scale)) + 3];
+    unsigned a = (covered + (unsigned)(scale * scale) / 2) / (unsigned)(scale * scale);
     if (a == 0)
-        return 0;
-    for (int k = 0; k < 3; k++)
-        c[k] = code_of_root(sum[k] / (float)(n * n));
-    c[3] = (uint8_t)a;
-    room->q[texel] = q_weight > 0 ? code_of_q(q_sum / q_weight) : 0;
-    return q_weight == 0;
+        return false;
+    for (int k = 0; k < scale * scale; k++) {
+        size_t at = pixel + (size_t)(k / scale) * stride + (size_t)(k % scale);
+        const uint8_t *p = drawing->color + 4 * at;
+        float q = q_of(drawing, q_per_depth, at), weight = q > 0 ? p[3] : 0;
+        for (int c = 0; c < 3; c++)
+            sum[c] += sv_linear_from_srgb8[p[c]];
+        q_sum += q * weight;
+        q_weight += weight;
+    }
+    for (int c = 0; c < 3; c++)
+        color[c] = (uint8_t)(255 * sqrtf(fminf(sum[c] / area, 1)) + 0.5f);
+    color[3] = (uint8_t)a;
+    if (q_weight > 0)
+        *code = code_of_q(q_sum / q_weight);
+    return !(q_weight > 0);
+}
+
+static size_t mean_row(const struct sv_panel_drawing *drawing, int row, const struct sv_panel_room *room)
+{
+    size_t scale = (size_t)drawing->scale, size = (size_t)room->size, unknown = 0;
+    for (size_t i = 0; i < size; i++) {
+        size_t texel = (size_t)row * size + i, pixel = ((size_t)row * scale * size + i) * scale;
+        if (scale == 2) /* the usual one, unrolled */
+            unknown += mean_texel(drawing, 2, pixel, 2 * size, room->color[texel], &room->q[texel]);
+        else
+            unknown +=
+                mean_texel(drawing, drawing->scale, pixel, scale * size, room->color[texel], &room->q[texel]);
+    }
+    return unknown;
 }
 
 /* The largest code on the square of `reach` texels around (i, j), 0 where none is known. */
@@ -120,45 +130,55 @@ static enum sv_status spread(const struct sv_panel_room *room, struct sv_error *
     return SV_OK;
 }
 
-static void set_tile(const struct sv_panel_room *room, int x0, int y0, struct sv_panel_tile *tile)
+/* Lanes of 16 columns, so that compilers make vectors of them. Code 0 less 1 is the largest number: never the
+ * least. */
+static inline void set_tile(const uint16_t *q, int size, const int columns, int rows,
+                            struct sv_panel_tile *tile)
 {
-    int size = room->size, x1 = x0 + SV_PANEL_TILE < size ? x0 + SV_PANEL_TILE : size;
-    int y1 = y0 + SV_PANEL_TILE < size ? y0 + SV_PANEL_TILE : size;
-    unsigned low = 65535, high = 0, count = 0;
-    for (int j = y0; j < y1; j++) {
-        const uint16_t *q = room->q + (size_t)j * (size_t)size;
-        for (int i = x0; i < x1; i++) {
-            unsigned code = q[i], sought = code ? code : 65535;
-            low = sought < low ? sought : low;
-            high = code > high ? code : high;
-            count += code != 0;
+    uint16_t low[SV_PANEL_TILE], high[SV_PANEL_TILE] = {0}, count[SV_PANEL_TILE] = {0};
+    memset(low, 255, sizeof low);
+    for (int j = 0; j < rows; j++, q += size)
+        for (int i = 0; i < columns; i++) {
+            uint16_t code = q[i], less = (uint16_t)(code - 1);
+            low[i] = less < low[i] ? less : low[i];
+            high[i] = code > high[i] ? code : high[i];
+            count[i] = (uint16_t)(count[i] + (code != 0));
         }
+    *tile = (struct sv_panel_tile){65535, 0, 0, 0};
+    for (int i = 0; i < columns; i++) {
+        tile->q_min = low[i] < tile->q_min ? low[i] : tile->q_min;
+        tile->q_max = high[i] > tile->q_max ? high[i] : tile->q_max;
+        tile->count = (uint16_t)(tile->count + count[i]);
     }
-    *tile = (struct sv_panel_tile){(uint16_t)(count ? low : 0), (uint16_t)high, (uint16_t)count, 0};
+    tile->q_min++; /* of none: 0 */
 }
 
 void sv_panel_set_tiles(const struct sv_panel_room *room)
 {
-    int side = sv_panel_tiles(room->size);
+    int side = sv_panel_tiles(room->size), size = room->size;
     for (int j = 0; j < side; j++)
-        for (int i = 0; i < side; i++)
-            set_tile(room, i * SV_PANEL_TILE, j * SV_PANEL_TILE, &room->tiles[j * side + i]);
+        for (int i = 0; i < side; i++) {
+            int x = i * SV_PANEL_TILE, y = j * SV_PANEL_TILE;
+            int rows = size - y < SV_PANEL_TILE ? size - y : SV_PANEL_TILE;
+            const uint16_t *q = room->q + (size_t)y * (size_t)size + (size_t)x;
+            struct sv_panel_tile *tile = &room->tiles[j * side + i];
+            if (size - x >= SV_PANEL_TILE)
+                set_tile(q, size, SV_PANEL_TILE, rows, tile);
+            else
+                set_tile(q, size, size - x, rows, tile);
+        }
 }
 
 enum sv_status sv_panel_crowns(const struct sv_panel_drawing *drawing, const struct sv_panel_room *room,
                                struct sv_error *error)
 {
     uint8_t root[256];
-    size_t unknown = 0, size = (size_t)room->size, n = (size_t)drawing->scale;
+    size_t unknown = 0;
     sv_color_init();
     for (int k = 0; k < 256; k++)
-        root[k] = code_of_root(sv_linear_from_srgb8[k]);
-    for (size_t j = 0; j < size; j++) {
-        if (n == 1)
-            unknown += take_row(drawing, root, (int)j, room);
-        for (size_t i = 0; i < size && n > 1; i++)
-            unknown += mean_texel(drawing, (j * n * size + i) * n, n * size, j * size + i, room);
-    }
+        root[k] = (uint8_t)(255 * sqrtf(sv_linear_from_srgb8[k]) + 0.5f);
+    for (int j = 0; j < room->size; j++)
+        unknown += drawing->scale == 1 ? take_row(drawing, root, j, room) : mean_row(drawing, j, room);
     if (unknown > 0) {
         enum sv_status status = spread(room, error);
         if (status != SV_OK)

@@ -348,6 +348,19 @@ static enum sv_status draw_cloud(struct sv_tree_draw *draw, const struct sv_gl_f
                                         error);
 }
 
+enum sv_status sv_tree_draw_count(struct sv_tree_draw *draw, const struct sv_camera *camera,
+                                  const double planes[5][4], const struct sv_tree_shell *shell, uint32_t *count,
+                                  struct sv_error *error)
+{
+    enum sv_status status = sv_cull_forest(draw->forest, draw->species, camera, planes, &draw->list, error);
+    if (status)
+        return status;
+    if (shell)
+        sv_cull_keep_shell(draw->forest, shell, &draw->list);
+    *count = draw->list.count;
+    return SV_OK;
+}
+
 enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                    const struct sv_tree_draw_options *options,
                                    struct sv_tree_draw_stats *stats, struct sv_error *error)

@@ -89,6 +89,10 @@ void sv_tree_draw_destroy(struct sv_tree_draw *draw);
 SV_MUST_CHECK enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                                  const struct sv_tree_draw_options *options,
                                                  struct sv_tree_draw_stats *stats, struct sv_error *error);
+/* How many trees of the shell (NULL: of all) sv_tree_draw_forest would draw; planes as sv_camera_planes gives them. */
+SV_MUST_CHECK enum sv_status sv_tree_draw_count(struct sv_tree_draw *draw, const struct sv_camera *camera,
+                                                const double planes[5][4], const struct sv_tree_shell *shell,
+                                                uint32_t *count, struct sv_error *error);
 /* The forest in sunlight (shade.h), from the sprites of this drawing, which must outlive it. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw *draw,
                                                        struct sv_tree_shade **shade, struct sv_error *error);

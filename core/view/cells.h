@@ -1,13 +1,15 @@
-/* cells.h - a view drawn from relief panels of the cells that the eye is in, and what is near drawn over them.
+/* cells.h - a view drawn from relief panels of the cells that the eye is in, and what is near drawn over
+ * them.
  *
- * Trees stand in rings of panels around the eye (core/cell/lattice.h): each ring is a layer, warped (crown_warp.h) and
- * composed front to back, so that rings show through one another's gaps. Ground is opaque: one set of panels about a
- * reference point whose cube touches neither ground nor object, warped as sheets (core/relief/warp.h); where no cube is
- * free (eyes close to the ground) it is drawn directly. What hides what between trees and ground is decided pixel by
- * pixel by depth. Trees within the innermost cube are drawn directly, over all.
+ * Trees stand in rings of panels around the eye (core/cell/lattice.h): each ring is a layer, warped
+ * (crown_warp.h) and composed front to back, so that rings show through one another's gaps. Ground is opaque:
+ * one set of panels about a reference point whose cube touches neither ground nor object, warped as sheets
+ * (core/relief/warp.h); where no cube is free (eyes close to the ground) it is drawn directly. What hides
+ * what between trees and ground is decided pixel by pixel by depth. Trees within the innermost cube are drawn
+ * directly, over all.
  *
- * Panels are built when a view needs them and kept in a cache (core/cell/cache.h) that processes may share. Paper 1,
- * section 5; design.md section 6. One thread. */
+ * Panels are built when a view needs them and kept in a cache (core/cell/cache.h) that processes may share.
+ * Paper 1, section 5; design.md section 6. One thread. */
 #ifndef SV_VIEW_CELLS_H
 #define SV_VIEW_CELLS_H
 
@@ -36,18 +38,27 @@ struct sv_cells_report {
     uint32_t refined;      /* of hits */
     uint64_t hole_pixels;  /* of the ground before filling */
     uint64_t holes_left;   /* ... and after */
+    uint32_t left;         /* panels that are missing still (sv_cells_build) */
     bool ground_direct;    /* the ground was drawn directly */
     double ms[SV_STAGE_COUNT]; /* cell, warp, near, composite; negative: did not run */
 };
 
-/* Whether the view can be drawn from cells at all: perspective, one sample, colour alone, trees in the form auto. */
+/* Whether the view can be drawn from cells at all: perspective, one sample, colour alone, trees in the form
+ * auto. */
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers);
+/* This process, which was forked since, has that slot of the cache. */
+void sv_cells_use_slot(struct sv_cells *cells, unsigned slot);
 /* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB, premultiplied;
  * alpha 255 everywhere where sky is true). Only if every panel is there already where build is false: else SV_ENOENT,
- * with nothing drawn. */
+ * with nothing drawn. A panel that others are building, or that the cache has no room for, is built for this view
+ * alone, in memory that goes with it. */
 SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky,
                                            int row_first, int row_count, bool build, uint8_t *rgba,
                                            struct sv_cells_report *report, struct sv_draw_stats *stats,
                                            struct sv_error *error);
+/* Builds panels that the view needs and that are neither there nor being built by others, at most `most` of them;
+ * report->left tells how many that leaves. What the cache has no room for is not built. Errors of sv_panels_draw. */
+SV_MUST_CHECK enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
+                                            struct sv_cells_report *report, struct sv_error *error);
 
 #endif

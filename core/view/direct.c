@@ -401,6 +401,20 @@ enum sv_status sv_direct_draw_trees(struct sv_direct *r, const struct sv_resolve
     return status ? status : draw_trees(r, view, &frame, shadows, shell, canvas, stats, error);
 }
 
+enum sv_status sv_direct_sees_trees(struct sv_direct *r, const struct sv_resolved_view *view,
+                                    const struct sv_tree_shell *shell, bool *any, struct sv_error *error)
+{
+    double planes[5][4];
+    uint32_t count = 0;
+    sv_camera_planes(&view->camera, planes);
+    enum sv_status status = SV_OK;
+    if (r->trees && view->plan.draw_trees)
+        status = sv_tree_draw_count(r->trees, &view->camera, planes, shell, &count, error);
+    if (!status)
+        *any = count > 0;
+    return status;
+}
+
 enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resolved_view *view, bool sky,
                                       int row_first, int row_count, const float *depth, const uint8_t *hidden,
                                       uint8_t *rgba, struct sv_error *error)

@@ -48,6 +48,11 @@ SV_MUST_CHECK enum sv_status sv_direct_draw_trees(struct sv_direct *direct,
                                                   const struct sv_canvas *canvas, struct sv_draw_stats *stats,
                                                   struct sv_error *error);
 
+/* Whether any tree of the shell may be in the view. */
+SV_MUST_CHECK enum sv_status sv_direct_sees_trees(struct sv_direct *direct,
+                                                  const struct sv_resolved_view *view,
+                                                  const struct sv_tree_shell *shell, bool *any,
+                                                  struct sv_error *error);
 /* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth
  * alone (0: sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB.
  * All planes hold rows row_first .. row_first + row_count - 1 (at least one). */

@@ -17,8 +17,8 @@ struct sv_panels {
     size_t room;
 };
 
-enum sv_status sv_panels_create(const struct sv_scene *scene, struct sv_direct *direct, struct sv_panels **panels,
-                                struct sv_error *error)
+enum sv_status sv_panels_create(const struct sv_scene *scene, struct sv_direct *direct,
+                                struct sv_panels **panels, struct sv_error *error)
 {
     struct sv_panels *p = calloc(1, sizeof *p);
     if (!p)
@@ -81,7 +81,29 @@ static struct sv_resolved_view face_view(const struct sv_panels_order *order, do
     return view;
 }
 
-/* Trees alone: what the ground hides of them is found when they are composed with it, from where the eye is then. */
+static struct sv_tree_shell tree_shell(const struct sv_panels_order *order)
+{
+    return (struct sv_tree_shell){order->shell.v, order->shell.outer_v, order->shell.distance_m,
+                                  order->shell.outer_m};
+}
+
+enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_order *order, int *size,
+                              struct sv_error *error)
+{
+    bool any = true;
+    enum sv_status status = SV_OK;
+    if (order->about.layers & SV_PANEL_CROWNS) {
+        struct sv_resolved_view view = face_view(order, 1, order->about.distance_m / 2);
+        struct sv_tree_shell shell = tree_shell(order);
+        status = sv_direct_sees_trees(panels->direct, &view, &shell, &any, error);
+    }
+    if (!status)
+        *size = any ? order->about.size : SV_PANEL_SIZE_MIN;
+    return status;
+}
+
+/* Trees alone: what the ground hides of them is found when they are composed with it, from where the eye is
+ * then. */
 static enum sv_status draw_crowns(struct sv_panels *p, const struct sv_panels_order *order,
                                   const struct sv_panel_room *room, struct sv_error *error)
 {
@@ -98,8 +120,7 @@ static enum sv_status draw_crowns(struct sv_panels *p, const struct sv_panels_or
                                .depth = p->depth,
                                .color = p->color,
                                .surface = true};
-    struct sv_tree_shell shell = {order->shell.v, order->shell.outer_v, order->shell.distance_m,
-                                  order->shell.outer_m};
+    struct sv_tree_shell shell = tree_shell(order);
     status = sv_direct_draw_trees(p->direct, &view, &shell, &canvas, NULL, error);
     if (status)
         return status;
@@ -140,7 +161,8 @@ static void take_ground(const struct sv_picture *picture, size_t pixels, const s
 static enum sv_status draw_opaque(struct sv_panels *p, const struct sv_panels_order *order,
                                   const struct sv_panel_room *room, struct sv_error *error)
 {
-    struct sv_resolved_view view = face_view(order, sv_panels_ground_reach(order->about.size), order->about.distance_m);
+    struct sv_resolved_view view =
+        face_view(order, sv_panels_ground_reach(order->about.size), order->about.distance_m);
     struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH};
     struct sv_picture picture = {0};
     enum sv_status status = sv_picture_alloc(&view.camera, pass.layers, &picture, error);
@@ -167,8 +189,8 @@ static enum sv_status draw_ground(struct sv_panels *p, const struct sv_panels_or
     return sv_direct_ground_panel(p->direct, order->view, &sweep, room->ground_q, room->ground_color, error);
 }
 
-enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, void *block, size_t bytes,
-                              struct sv_error *error)
+enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, void *block,
+                              size_t bytes, struct sv_error *error)
 {
     struct sv_panel_room room;
     enum sv_status status = sv_panel_init(block, bytes, &order->about, &room, error);
@@ -209,8 +231,9 @@ int sv_panels_free_ring(const struct sv_panels *panels, const struct sv_cell_rin
                         const struct sv_cell_place chain[SV_CELL_RINGS_MAX])
 {
     int ring = rings->count - 1;
-    while (ring >= 0 && (meets_ground(&panels->scene->terrain.field, chain[ring].v, rings->distance_m[ring]) ||
-                         meets_object(panels, chain[ring].v, rings->distance_m[ring])))
+    while (ring >= 0 &&
+           (meets_ground(&panels->scene->terrain.field, chain[ring].v, rings->distance_m[ring]) ||
+            meets_object(panels, chain[ring].v, rings->distance_m[ring])))
         ring--;
     return ring;
 }

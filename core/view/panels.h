@@ -1,4 +1,5 @@
-/* panels.h - draws the panels of cells: crowns and ground, into memory that the caller gives (core/cell/panel.h). */
+/* panels.h - draws the panels of cells: crowns and ground, into memory that the caller gives
+ * (core/cell/panel.h). */
 #ifndef SV_VIEW_PANELS_H
 #define SV_VIEW_PANELS_H
 
@@ -7,7 +8,8 @@
 
 struct sv_panels;
 
-/* Tangent at the edge of a ground panel of that size: one texel beyond its face, so that neighbours leave no crack. */
+/* Tangent at the edge of a ground panel of that size: one texel beyond its face, so that neighbours leave no
+ * crack. */
 double sv_panels_ground_reach(int size);
 
 /* Borrows scene and direct for life. SV_ENOMEM. */
@@ -22,12 +24,16 @@ struct sv_panels_order {
     const struct sv_resolved_view *view;
 };
 
+/* Texels a side that it needs: order->about.size, or SV_PANEL_SIZE_MIN of a panel of crowns that shows none.
+ */
+SV_MUST_CHECK enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_order *order,
+                                            int *size, struct sv_error *error);
 /* Draws it into a block of sv_panel_bytes(...) bytes. Errors of direct.h. */
-SV_MUST_CHECK enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, void *block,
-                                            size_t bytes, struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order,
+                                            void *block, size_t bytes, struct sv_error *error);
 
-/* The half side of the largest cube of a ring, outermost first, about its place's reference point that touches neither
- * ground nor object: that ring, or -1. */
+/* The half side of the largest cube of a ring, outermost first, about its place's reference point that
+ * touches neither ground nor object: that ring, or -1. */
 int sv_panels_free_ring(const struct sv_panels *panels, const struct sv_cell_rings *rings,
                         const struct sv_cell_place chain[SV_CELL_RINGS_MAX]);
 

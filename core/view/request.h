@@ -1,8 +1,9 @@
-/* request.h - what a client asked for: one view, checked for form and range, but not yet resolved against a scene.
+/* request.h - what a client asked for: one view, checked for form and range, but not yet resolved against a
+ * scene.
  *
- * Plain values only: the daemon links this without anything heavy. Made by api/view_parse.c from the one table of
- * fields; resolved by core/view/resolve.h on a worker, which knows the terrain. Angles are radians, lengths metres
- * (lon/lat stay degrees: they are geodetic coordinates, not angles to compute with). */
+ * Plain values only: the daemon links this without anything heavy. Made by api/view_parse.c from the one
+ * table of fields; resolved by core/view/resolve.h on a worker, which knows the terrain. Angles are radians,
+ * lengths metres (lon/lat stay degrees: they are geodetic coordinates, not angles to compute with). */
 #ifndef SV_VIEW_REQUEST_H
 #define SV_VIEW_REQUEST_H
 
@@ -13,37 +14,37 @@
 
 enum { SV_VIEW_SIDE_MIN = 16, SV_VIEW_SIDE_MAX = 4096 };
 
-#define SV_QUALITY_LIST(X)                                                                                   \
-    X(SV_QUALITY_FAST, "fast")                                                                               \
-    X(SV_QUALITY_BALANCED, "balanced")                                                                       \
-    X(SV_QUALITY_HIGH, "high")                                                                               \
+#define SV_QUALITY_LIST(X)             \
+    X(SV_QUALITY_FAST, "fast")         \
+    X(SV_QUALITY_BALANCED, "balanced") \
+    X(SV_QUALITY_HIGH, "high")         \
     X(SV_QUALITY_REFERENCE, "reference")
 
-#define SV_TREES_LIST(X)                                                                                     \
-    X(SV_TREES_AUTO, "auto")                                                                                 \
-    X(SV_TREES_RAYCAST, "raycast")                                                                           \
-    X(SV_TREES_POLYGON, "polygon")                                                                           \
-    X(SV_TREES_BILLBOARD, "billboard")                                                                       \
-    X(SV_TREES_INDIRECT, "indirect")                                                                         \
-    X(SV_TREES_DENSITY, "density")                                                                           \
-    X(SV_TREES_DENSITY_PAPER, "density_paper")                                                               \
-    X(SV_TREES_COARSE, "coarse")                                                                             \
+#define SV_TREES_LIST(X)                       \
+    X(SV_TREES_AUTO, "auto")                   \
+    X(SV_TREES_RAYCAST, "raycast")             \
+    X(SV_TREES_POLYGON, "polygon")             \
+    X(SV_TREES_BILLBOARD, "billboard")         \
+    X(SV_TREES_INDIRECT, "indirect")           \
+    X(SV_TREES_DENSITY, "density")             \
+    X(SV_TREES_DENSITY_PAPER, "density_paper") \
+    X(SV_TREES_COARSE, "coarse")               \
     X(SV_TREES_NONE, "none")
 
-#define SV_RELIEF_LIST(X)                                                                                    \
-    X(SV_RELIEF_AUTO, "auto")                                                                                \
-    X(SV_RELIEF_OFF, "off")                                                                                  \
-    X(SV_RELIEF_ON, "on")                                                                                    \
+#define SV_RELIEF_LIST(X)     \
+    X(SV_RELIEF_AUTO, "auto") \
+    X(SV_RELIEF_OFF, "off")   \
+    X(SV_RELIEF_ON, "on")     \
     X(SV_RELIEF_PAPER, "paper")
 
-#define SV_LAYER_LIST(X)                                                                                     \
-    X(SV_LAYER_COLOR, "color")                                                                               \
-    X(SV_LAYER_DEPTH, "depth")                                                                               \
-    X(SV_LAYER_NORMAL, "normal")                                                                             \
+#define SV_LAYER_LIST(X)         \
+    X(SV_LAYER_COLOR, "color")   \
+    X(SV_LAYER_DEPTH, "depth")   \
+    X(SV_LAYER_NORMAL, "normal") \
     X(SV_LAYER_ID, "id")
 
-#define SV_PROJECTION_LIST(X)                                                                                \
-    X(SV_PROJECTION_PERSPECTIVE, "perspective")                                                              \
+#define SV_PROJECTION_LIST(X)                   \
+    X(SV_PROJECTION_PERSPECTIVE, "perspective") \
     X(SV_PROJECTION_ORTHOGRAPHIC, "orthographic")
 
 #define X(name, text) name,
@@ -76,8 +77,8 @@ struct sv_view_request {
     double ortho_height_m; /* 0 for perspective */
     int width, height;     /* px */
     enum sv_format format;
-    int q;               /* 1..100 */
-    unsigned layers;     /* bit set of 1u << enum sv_layer; never 0 */
+    int q;           /* 1..100 */
+    unsigned layers; /* bit set of 1u << enum sv_layer; never 0 */
     bool sky;
     enum sv_quality quality;
     double max_error_px; /* 0: not given */
@@ -87,7 +88,7 @@ struct sv_view_request {
     double relief_distance_m; /* 0: not given */
     int relief_resolution;    /* 0: not given */
     bool shadows;
-    int samples;               /* 1, 4, 16, 64; 0: not given */
+    int samples; /* 1, 4, 16, 64; 0: not given */
     bool has_sun_azimuth, has_sun_elevation, has_time;
     double sun_azimuth_rad, sun_elevation_rad, time_unix_s;
     bool air;      /* aerial perspective */

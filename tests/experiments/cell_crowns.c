@@ -3,7 +3,10 @@
  * case: mean absolute difference, SSIM and the pixels that let through too much or too little light. Nothing
  * nearer than the first ring.
  *
- * cell_crowns [--trees N] [--size TEXELS] [--scale S] [--pitch P] [--eyes N] [--inner M] [--save PREFIX] */
+ * cell_crowns [--trees N] [--size TEXELS] [--scale S] [--pitch P] [--eyes N] [--inner M] [--reference S]
+ *             [--centred] [--save PREFIX]
+ *
+ * --reference S: the direct picture is the mean of S x S times its pixels. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,7 +22,7 @@ enum { VIEW = 512, RINGS_MAX = SV_CELL_RINGS_MAX, ROUNDS = 41 };
 
 struct options {
     uint32_t trees;
-    int size, scale, eyes;
+    int size, scale, eyes, reference;
     double pitch, inner_m, outer_m;
     bool centred; /* the eye stands on V */
     const char *save;
@@ -94,7 +97,7 @@ static void draw(struct stand *s, const struct sv_camera *camera, const struct f
     double planes[5][4];
     size_t n = (size_t)camera->width * (size_t)camera->height;
     uint32_t *id = want(n * sizeof *id), kept = 0;
-    struct sv_canvas canvas = {camera->width, camera->height, 0, camera->height, depth, color, id, NULL};
+    struct sv_canvas canvas = {camera->width, camera->height, 0, camera->height, depth, color, id, NULL, false};
     struct sv_sprite_view view = {camera, &s->light, 0, 0};
     sv_camera_planes(camera, planes);
     if (sv_cull_forest(&s->scene->forest, s->bounds, camera, planes, &s->list, NULL))
@@ -241,13 +244,25 @@ static void over_background(const float (*light)[4], uint8_t *rgba)
     }
 }
 
-static void light_of(const uint8_t *color, float (*light)[4])
+/* The direct picture, a mean of side x side pixels each, in linear light. */
+static void draw_direct(struct stand *s, const struct sv_camera *camera, const struct filter *filter,
+                        int side, float (*light)[4])
 {
-    for (int k = 0; k < VIEW * VIEW; k++) {
+    struct sv_camera fine = *camera;
+    size_t width = (size_t)(VIEW * side), n = width * width;
+    uint8_t *color = want(n * 4);
+    float *depth = want(n * sizeof *depth), share = 1.0f / (float)(side * side);
+    fine.width = fine.height = (int)width;
+    draw(s, &fine, filter, color, depth);
+    memset(light, 0, (size_t)VIEW * VIEW * sizeof *light);
+    for (size_t k = 0; k < n; k++) {
+        float *to = light[k / width / (size_t)side * VIEW + k % width / (size_t)side];
         for (int c = 0; c < 3; c++)
-            light[k][c] = sv_linear_from_srgb8[color[4 * k + c]];
-        light[k][3] = 1 - color[4 * k + 3] / 255.0f;
+            to[c] += share * sv_linear_from_srgb8[color[4 * k + (size_t)c]];
+        to[3] += share * (1 - color[4 * k + 3] / 255.0f);
     }
+    free(color);
+    free(depth);
 }
 
 static void save(const struct options *o, int k, const char *name, const struct sv_image *image)
@@ -278,10 +293,8 @@ static void one_eye(const struct forest *forest, struct stand *s, const struct o
         die("memory");
     float(*light)[4] = want((size_t)VIEW * VIEW * sizeof *light),
     (*other)[4] = want((size_t)VIEW * VIEW * sizeof *other);
-    float *depth = want((size_t)VIEW * VIEW * sizeof *depth);
     struct filter filter = {NULL, chain[0].v, rings.distance_m[0]};
-    draw(s, &view.camera, &filter, direct.data, depth);
-    light_of(direct.data, light);
+    draw_direct(s, &view.camera, &filter, o->reference, light);
     over_background((const void *)light, direct.data);
     warp(s, o, &rings, chain, &view.camera, other, &cost);
     over_background((const void *)other, warped.data);
@@ -305,7 +318,6 @@ static void one_eye(const struct forest *forest, struct stand *s, const struct o
     sv_image_free(&warped);
     free(light);
     free(other);
-    free(depth);
 }
 
 static void read_options(int argc, char **argv, struct options *o)
@@ -323,6 +335,8 @@ static void read_options(int argc, char **argv, struct options *o)
             o->size = atoi(value);
         else if (strcmp(name, "--scale") == 0)
             o->scale = atoi(value);
+        else if (strcmp(name, "--reference") == 0)
+            o->reference = atoi(value);
         else if (strcmp(name, "--eyes") == 0)
             o->eyes = atoi(value);
         else if (strcmp(name, "--pitch") == 0)
@@ -338,7 +352,7 @@ static void read_options(int argc, char **argv, struct options *o)
 
 int main(int argc, char **argv)
 {
-    struct options o = {45000, 887, 1, 2, 0.2, 25, 100, false, NULL};
+    struct options o = {45000, 887, 1, 2, 1, 0.2, 25, 100, false, NULL};
     struct forest forest;
     struct stand stand;
     read_options(argc, argv, &o);

@@ -1,12 +1,14 @@
-/* walkthrough.c - the forest of table 2 walked through, flown over and jumped about in, drawn from relief cells, beside
- * direct drawing and the one-sample ray cast of the same poses.
+/* walkthrough.c - the forest of table 2 walked through, flown over and jumped about in, drawn from relief
+ * cells, beside direct drawing and the one-sample ray cast of the same poses.
  *
- *   walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] [--size N] [--truth STRIDE]
- *               [--warm] [-o FOLDER]
+ *   walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] [--size N]
+ * [--truth STRIDE]
+ *               [--warm] [--still] [-o FOLDER]
  *
- * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both kinds at
- * random. --warm: the path is gone along once before it is measured. Every STRIDE-th frame is compared with 64 samples
- * of the ray-cast truth. One process: ms a frame on one core, encoding left out. FOLDER: walkthrough.csv and pictures. */
+ * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
+ * kinds at random. --warm: the path is gone along once before it is measured; --still: the first pose again
+ * and again. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. One process: ms a frame
+ * on one core, encoding left out. FOLDER: walkthrough.csv and pictures. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,7 +28,7 @@ struct setup {
     uint32_t trees;
     enum path path;
     int frames, size, truth_stride;
-    bool forms[FORMS], warm;
+    bool forms[FORMS], warm, still;
     const char *folder;
 };
 
@@ -39,7 +41,7 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
     }
     bool walk = setup->path == WALK;
     struct sv_view_request r = forest_request(forest, walk ? FOREST_WALK : FOREST_OVERVIEW, 0);
-    double step = (walk ? 1.4 : 15) / FRAMES_PER_S * k;
+    double step = setup->still ? 0 : (walk ? 1.4 : 15) / FRAMES_PER_S * k;
     r.eye.x += step * sin(r.heading_rad);
     r.eye.y += step * cos(r.heading_rad);
     r.eye.agl = walk ? 1.7 : 40;
@@ -94,11 +96,12 @@ static void run(const struct forest *forest, const struct setup *setup, FILE *cs
             }
             fprintf(csv, "%u,%s,%d,%s,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,%.4f,%.5f,%.4f\n", setup->trees,
                     PATHS[setup->path], k, NAMES[form], ms, cpu_ms, forest_stage_ms(SV_STAGE_CELL),
-                    forest_stage_ms(SV_STAGE_WARP), forest_stage_ms(SV_STAGE_NEAR), forest_stage_ms(SV_STAGE_COMPOSITE),
-                    r.mean_abs, r.ssim, r.gradient_ratio);
+                    forest_stage_ms(SV_STAGE_WARP), forest_stage_ms(SV_STAGE_NEAR),
+                    forest_stage_ms(SV_STAGE_COMPOSITE), r.mean_abs, r.ssim, r.gradient_ratio);
             if (compare && setup->folder) {
                 char path[512];
-                snprintf(path, sizeof path, "%s/%s-%04d-%s.png", setup->folder, PATHS[setup->path], k, NAMES[form]);
+                snprintf(path, sizeof path, "%s/%s-%04d-%s.png", setup->folder, PATHS[setup->path], k,
+                         NAMES[form]);
                 forest_save(&picture.layer[SV_LAYER_COLOR], path);
             }
             sv_picture_finish(&picture);
@@ -112,10 +115,12 @@ static void run(const struct forest *forest, const struct setup *setup, FILE *cs
     }
     for (int form = 0; form < FORMS; form++)
         if (setup->forms[form])
-            printf("%6u %-6s %-7s processor ms: median %8.2f  99 %% %8.2f   mean abs %.3f  SSIM %.4f  gradient %.3f\n",
-                   setup->trees, PATHS[setup->path], NAMES[form], percentile(values[form], setup->frames, 0.5),
-                   percentile(values[form], setup->frames, 0.99), sum[form][0] / compared, sum[form][1] / compared,
-                   sum[form][2] / compared);
+            printf("%6u %-6s %-7s processor ms: median %8.2f  99 %% %8.2f   mean abs %.3f  SSIM %.4f  "
+                   "gradient %.3f\n",
+                   setup->trees, PATHS[setup->path], NAMES[form],
+                   percentile(values[form], setup->frames, 0.5),
+                   percentile(values[form], setup->frames, 0.99), sum[form][0] / compared,
+                   sum[form][1] / compared, sum[form][2] / compared);
 }
 
 static bool option(struct setup *setup, const char *name, const char *value)
@@ -153,12 +158,16 @@ int main(int argc, char **argv)
     for (int k = 1; k < argc && well; k++) {
         if (strcmp(argv[k], "--warm") == 0)
             setup.warm = true;
+        else if (strcmp(argv[k], "--still") == 0)
+            setup.still = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
     if (!well) {
-        fprintf(stderr, "usage: walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] "
-                        "[--size N] [--truth STRIDE] [--warm] [-o FOLDER]\n");
+        fprintf(
+            stderr,
+            "usage: walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] "
+            "[--size N] [--truth STRIDE] [--warm] [--still] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
@@ -171,7 +180,8 @@ int main(int argc, char **argv)
         perror(path);
         return 1;
     }
-    fprintf(csv, "trees,path,frame,form,ms,processor_ms,cell_ms,warp_ms,near_ms,composite_ms,mean_abs,ssim,gradient\n");
+    fprintf(csv, "trees,path,frame,form,ms,processor_ms,cell_ms,warp_ms,near_ms,composite_ms,mean_abs,ssim,"
+                 "gradient\n");
     forest_use_cells((size_t)4 << 30);
     forest_open(setup.trees, setup.forms[RAYCAST] || setup.truth_stride > 0, &forest);
     for (int k = 0; k < setup.frames && setup.warm && setup.forms[ON]; k++) {

@@ -116,33 +116,31 @@ static void fill(struct bench *b, double cover)
         }
 }
 
-/* A drawn canvas: the panel's own colours as sRGB, its q as depth. */
-static void run_conversion(struct bench *b)
+/* A drawn canvas: the panel's own colours as sRGB, its q as depth, each scale x scale times. */
+static void run_conversion(struct bench *b, size_t scale)
 {
     static double ms[ROUNDS];
     struct crown_panel *p = &b->panels[0][0], to;
-    size_t n = (size_t)SIZE * SIZE;
+    size_t side = SIZE * scale, n = side * side;
     uint8_t(*color)[4] = malloc(n * sizeof *color);
     float *depth = malloc(n * sizeof *depth);
     for (size_t k = 0; k < n; k++) {
+        size_t texel = k / side / scale * SIZE + k % side / scale;
+        const uint8_t *from = p->room.color[texel];
         for (int c = 0; c < 3; c++)
-            color[k][c] = sv_srgb8_from_linear((float)(p->room.color[k][c] * p->room.color[k][c]) / 65025.0f);
-        color[k][3] = p->room.color[k][3];
-        depth[k] = color[k][3] ? p->room.q[k] / (float)SV_PANEL_Q_ONE : 0;
+            color[k][c] = sv_srgb8_from_linear((float)(from[c] * from[c]) / 65025.0f);
+        color[k][3] = from[3];
+        depth[k] = from[3] ? p->room.q[texel] / (float)SV_PANEL_Q_ONE : 0;
     }
     crown_panel_make(SIZE, &to);
-    for (int scale = 1; scale <= 2; scale++) {
-        struct sv_panel_drawing drawing = {&color[0][0], depth, NULL, 1, scale};
-        struct sv_panel_room room = to.room;
-        room.size = SIZE / scale;
-        for (int round = 0; round < ROUNDS; round++) {
-            double start = now_ms();
-            if (sv_panel_crowns(&drawing, &room, NULL))
-                exit(1);
-            ms[round] = now_ms() - start;
-        }
-        printf("conversion to %d x %d from %d x: %.2f ms\n", room.size, room.size, scale, median(ms, ROUNDS));
+    struct sv_panel_drawing drawing = {&color[0][0], depth, NULL, 1, (int)scale};
+    for (int round = 0; round < ROUNDS; round++) {
+        double start = now_ms();
+        if (sv_panel_crowns(&drawing, &to.room, NULL))
+            exit(1);
+        ms[round] = now_ms() - start;
     }
+    printf("conversion to %d x %d from %zu x: %.2f ms\n", SIZE, SIZE, scale, median(ms, ROUNDS));
     crown_panel_free(&to);
     free(color);
     free(depth);
@@ -161,7 +159,8 @@ int main(void)
     run(&b, "dense ring, between faces", 1, 0.785, true);
     run(&b, "five dense rings, nothing left out behind others", RINGS, 0.4, true);
     run(&b, "five dense rings", RINGS, 0.4, false);
-    run_conversion(&b);
+    run_conversion(&b, 1);
+    run_conversion(&b, 2);
     fill(&b, 0.05);
     run(&b, "five sparse rings", RINGS, 0.4, false);
     run(&b, "five sparse rings, looking away", RINGS, 3.1, false);

@@ -162,6 +162,11 @@ static void nearest(const struct sv_crown_source *sources, unsigned count, int i
     t->unsure = unsure_d > t->d * (1 - 1e-5) || (second < t->d && second > t->d * (1 - 1e-5));
 }
 
+static double steepen(double weight)
+{
+    return fmin(fmax((double)SV_CROWN_STEEP * (weight - 0.5) + 0.5, 0), 1);
+}
+
 static void mean_of(const struct sv_panel_layer *layer, double u, double v, double color[4])
 {
     int last = layer->size - 1;
@@ -171,7 +176,7 @@ static void mean_of(const struct sv_panel_layer *layer, double u, double v, doub
     memset(color, 0, 4 * sizeof *color);
     for (int k = 0; k < 4; k++) {
         int x = i + (k & 1), y = j + (k >> 1);
-        double w = (1 - fabs(u - x)) * (1 - fabs(v - y));
+        double w = steepen(1 - fabs(u - x)) * steepen(1 - fabs(v - y));
         const uint8_t *c = layer->color[(size_t)y * (size_t)layer->size + (size_t)x];
         for (int n = 0; n < 3; n++)
             color[n] += w * (c[n] / 255.0) * (c[n] / 255.0);

@@ -185,8 +185,6 @@ static void slow_mean(const struct canvas *c, int scale, double q_per_depth, int
     for (int n = 0; n < scale * scale; n++) {
         size_t k = (size_t)(j * scale + n / scale) * (size_t)c->side + (size_t)(i * scale + n % scale);
         const uint8_t *p = c->color[k];
-        if (p[3] == 0)
-            continue;
         for (int channel = 0; channel < 3; channel++)
             color[channel] += (double)sv_linear_from_srgb(p[channel] / 255.0f) / (scale * scale);
         color[3] += p[3] / 255.0 / (scale * scale);

@@ -34,7 +34,10 @@ static void fill(uint64_t seed)
     struct sv_rng rng = sv_rng_seeded(seed, 0);
     for (int k = 0; k < PIXELS; k++) {
         int kind = (int)sv_rng_range(&rng, 0, 4);
-        float pass = kind == 0 ? 1 : kind == 1 ? 0 : kind == 2 ? (float)sv_rng_range(&rng, 0, 0.006) : (float)sv_rng_range(&rng, 0, 1);
+        float pass = kind == 0   ? 1
+                     : kind == 1 ? 0
+                     : kind == 2 ? (float)sv_rng_range(&rng, 0, 0.006)
+                                 : (float)sv_rng_range(&rng, 0, 1);
         for (int c = 0; c < 3; c++) {
             light[k][c] = (float)sv_rng_range(&rng, 0, 1.2) * (1 - pass);
             behind[k][c] = (uint8_t)sv_rng_range(&rng, 0, 256);
@@ -44,8 +47,8 @@ static void fill(uint64_t seed)
     }
 }
 
-/* Truth: the header's sentence. The nearest code, but for the rounding of float light: 1e-6 of linear light is at most
- * 1e-6 * 12.92 * 255 = 0.0033 levels off. */
+/* Truth: the header's sentence. The nearest code, but for the rounding of float light: 1e-6 of linear light
+ * is at most 1e-6 * 12.92 * 255 = 0.0033 levels off. */
 static void composed_as_defined(void **state)
 {
     (void)state;
