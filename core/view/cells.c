@@ -17,6 +17,8 @@
 /* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and their
  * depth is that of their middle where they are far). */
 #define BEHIND 0.01f
+/* Pixels that a texel may be wide in the middle of the picture: crowns of larger ones are squares. */
+#define TEXEL_PX_MAX 4
 
 /* Leaves of trees this near are pixels large: more samples cost more than they mend. */
 enum { NEAR_LEAF_SAMPLES = 1 };
@@ -127,6 +129,7 @@ bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 {
     return view->camera.projection == SV_PROJECTION_PERSPECTIVE && !view->plan.raycast &&
            view->plan.samples == 1 && layers == 1u << SV_LAYER_COLOR &&
+           2 * sv_camera_focal_px(&view->camera) <= TEXEL_PX_MAX * view->plan.relief_resolution &&
            (!view->plan.draw_trees || view->plan.trees == SV_TREES_AUTO);
 }
 

@@ -44,7 +44,7 @@ struct sv_cells_report {
 };
 
 /* Whether the view can be drawn from cells at all: perspective, one sample, colour alone, trees in the form
- * auto. */
+ * auto, texels of at most 4 pixels. */
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers);
 /* This process, which was forked since, has that slot of the cache. */
 void sv_cells_use_slot(struct sv_cells *cells, unsigned slot);
