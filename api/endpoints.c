@@ -43,9 +43,10 @@ static const struct sv_endpoint table[] = {
     {"GET", "/v1/scene", "getScene", "scene",
      "What the scene holds: extent, terrain, species, trees, sun, limits", .built = true, .success = "200",
      .media = {"application/json"}, .answers = SV_ANSWERS_CACHED, .problems = {SV_PROBLEM_NOT_READY}},
-    {"PATCH", "/v1/scene", "patchScene", "scene", "Change the sun, trees or objects", LATER, .admin = true,
-     .body = "application/json", .success = "200", .media = {"application/json"},
-     .problems = {BODY_PROBLEMS, ADMIN_PROBLEMS}},
+    {"PATCH", "/v1/scene", "patchScene", "scene",
+     "Change the sun, trees or objects; the old scene serves until the new one is ready", .built = true,
+     .admin = true, .body = "application/json", .success = "200", .media = {"application/json"},
+     .problems = {BODY_PROBLEMS, ADMIN_PROBLEMS, SV_PROBLEM_BAD_PATCH, SV_PROBLEM_NOT_READY, SV_PROBLEM_DRAINING}},
     {"POST", "/v1/scene/reload", "reloadScene", "scene",
      "Read the scene file again; the old scene serves until the new one is ready, and for good if that is "
      "bad",

@@ -11,6 +11,7 @@
 #include "api/fields.h"
 #include "api/json_write.h"
 #include "api/number.h"
+#include "api/patch_parse.h"
 
 static cJSON *reference(const char *group, const char *name, bool *good)
 {
@@ -362,9 +363,10 @@ static cJSON *operation(const struct sv_endpoint *endpoint, bool *good)
     if (endpoint->body) {
         cJSON *body = cJSON_CreateObject();
         bool view = endpoint->built && strcmp(endpoint->path, "/v1/view") == 0;
+        const char *schema = view ? "View" : strcmp(endpoint->id, "patchScene") == 0 ? "Patch" : NULL;
         sv_api_json_add_bool(body, "required", true, good);
         sv_api_json_add(body, "content",
-                        content(endpoint->body, view ? reference("schemas", "View", good) : NULL, good),
+                        content(endpoint->body, schema ? reference("schemas", schema, good) : NULL, good),
                         good);
         sv_api_json_add(object, "requestBody", body, good);
     }
@@ -418,6 +420,7 @@ static cJSON *components(bool *good)
 {
     cJSON *object = cJSON_CreateObject(), *schemas = cJSON_CreateObject();
     sv_api_json_add(schemas, "View", view_schema(good), good);
+    sv_api_json_add(schemas, "Patch", sv_api_patch_schema(good), good);
     sv_api_json_add(schemas, "Problem", problem_schema(good), good);
     sv_api_json_add(object, "schemas", schemas, good);
     sv_api_json_add(object, "parameters", parameters(good), good);

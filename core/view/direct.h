@@ -5,7 +5,7 @@
 #define SV_VIEW_DIRECT_H
 
 #include "core/cell/sweep.h"
-#include "core/scene/scene.h"
+#include "core/scene/patch_apply.h"
 #include "core/tree/draw.h"
 #include "core/view/picture.h"
 #include "core/view/resolved.h"
@@ -21,6 +21,12 @@ SV_MUST_CHECK enum sv_status sv_direct_create(const struct sv_scene *scene, stru
 void sv_direct_destroy(struct sv_direct *direct); /* NULL is legal */
 /* As sv_renderer_warm_shadows. */
 SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, struct sv_error *error);
+
+/* As sv_renderer_change: the scene has changed in place. The light of a new sun at more than
+ * SV_DIRECT_SUN_TREES trees is left to the first view that wants it. */
+enum { SV_DIRECT_SUN_TREES = 300000 };
+SV_MUST_CHECK enum sv_status sv_direct_change(struct sv_direct *direct, const struct sv_scene_delta *delta,
+                                              struct sv_store *store, struct sv_error *error);
 
 struct sv_direct_pass {
     unsigned layers;               /* bit set of 1u << enum sv_layer, not 0 */

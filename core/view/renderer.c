@@ -56,6 +56,24 @@ enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_
     return sv_direct_warm_shadows(renderer->direct, error);
 }
 
+static enum sv_status change_truth(struct sv_renderer *r, const struct sv_scene_delta *delta,
+                                   struct sv_error *error)
+{
+    struct sv_truth_change change = {.gone = delta->gone,
+                                     .gone_count = delta->change.trees_removed,
+                                     .came = delta->came,
+                                     .came_count = delta->change.trees_added,
+                                     .objects = delta->objects};
+    return r->truth && (delta->trees || delta->objects) ? sv_truth_change(r->truth, &change, error) : SV_OK;
+}
+
+enum sv_status sv_renderer_change(struct sv_renderer *r, const struct sv_scene_delta *delta,
+                                  struct sv_store *store, struct sv_error *error)
+{
+    enum sv_status status = sv_direct_change(r->direct, delta, store, error);
+    return status ? status : change_truth(r, delta, error);
+}
+
 static double now(const struct sv_renderer *r)
 {
     return r->clock ? r->clock() : 0;

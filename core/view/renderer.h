@@ -3,6 +3,7 @@
 #ifndef SV_VIEW_RENDERER_H
 #define SV_VIEW_RENDERER_H
 
+#include "core/scene/patch_apply.h"
 #include "core/view/picture.h"
 #include "core/view/resolve.h"
 #include "core/view/timings.h"
@@ -35,6 +36,13 @@ SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer,
 /* Casts what the scene's own sun throws on all of the ground, as fine as takes a few seconds at most:
  * before forks, so that all share it. Pictures are the same without. */
 SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error);
+/* The scene has changed in place (core/scene/patch_apply.h): makes again what the delta touches, so that pictures are those
+ * of a renderer that was created with the scene as it is now. A species that has got its first tree and an object of a
+ * new model are built, through the store; what else there is to do takes a fraction of a second, however many trees
+ * there are, but for the light of a new sun at more than SV_DIRECT_SUN_TREES trees, which is left to the first view
+ * that wants it. After an error the renderer is of no use. Not while anything is drawn. */
+SV_MUST_CHECK enum sv_status sv_renderer_change(struct sv_renderer *renderer, const struct sv_scene_delta *delta,
+                                                struct sv_store *store, struct sv_error *error);
 /* The forest's drawing, for its sizes (sv_tree_draw_bytes); NULL when the scene has no trees. Borrowed. */
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer);
 /* The objects' drawing, for its sizes (sv_object_draw_relief_bytes); NULL when there are none. Borrowed. */

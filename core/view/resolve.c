@@ -148,15 +148,10 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
     double convergence = sv_crs_convergence_rad(scene->crs, cx, cy);
     view->sun = scene->sun;
     *status = SV_OK;
-    if (request->has_time) {
-        double lon, lat;
-        if (!sv_crs_to_lonlat(scene->crs, cx, cy, &lon, &lat)) {
-            *status = sv_fail(error, SV_EINVAL, "time",
-                              "the scene has no place on Earth (its CRS is local): give sun_azimuth and sun_elevation");
-            return;
-        }
-        sv_sun_position(request->time_unix_s, lon, lat, &view->sun.azimuth_rad, &view->sun.elevation_rad);
-        view->sun.azimuth_rad += convergence;
+    if (request->has_time && !sv_scene_sun_at(scene, request->time_unix_s, &view->sun)) {
+        *status = sv_fail(error, SV_EINVAL, "time",
+                          "the scene has no place on Earth (its CRS is local): give sun_azimuth and sun_elevation");
+        return;
     }
     if (request->has_sun_azimuth)
         view->sun.azimuth_rad = request->sun_azimuth_rad + (request->north_true ? convergence : 0);

@@ -14,9 +14,10 @@ static const struct {
     const char *id;
     sv_route_handler handler;
 } handlers[] = {
-    {"getView", sv_views_handle},    {"postView", sv_views_handle},   {"getScene", sv_page_scene},
-    {"reloadScene", sv_page_reload}, {"getLivez", sv_page_livez},     {"getReadyz", sv_page_readyz},
-    {"getMetrics", sv_page_metrics}, {"getOpenapi", sv_page_openapi}, {"getPage", sv_page_home},
+    {"getView", sv_views_handle},  {"postView", sv_views_handle},   {"getScene", sv_page_scene},
+    {"patchScene", sv_page_patch}, {"reloadScene", sv_page_reload}, {"getLivez", sv_page_livez},
+    {"getReadyz", sv_page_readyz}, {"getMetrics", sv_page_metrics}, {"getOpenapi", sv_page_openapi},
+    {"getPage", sv_page_home},
 };
 
 /* For people, not part of the contract's documents. */

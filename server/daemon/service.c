@@ -80,7 +80,7 @@ static void on_serving(void *context)
 {
     struct sv_service *service = context;
     sv_views_rebind(service);
-    sv_page_reload_done(service, NULL);
+    sv_page_scene_done(service, NULL);
     load_again(service);
 }
 
@@ -94,7 +94,7 @@ static void on_failed(void *context, const struct sv_errors *reasons, bool first
         sv_log_text(&line, "message", reasons->items[i].message);
         sv_log_end(&line);
     }
-    sv_page_reload_done(service, reasons);
+    sv_page_scene_done(service, reasons);
     if (first) {
         service->exit_status = EXIT_FAILURE;
         sv_loop_stop(service->loop);
@@ -133,7 +133,7 @@ static void give_up_one(void *context, struct sv_exchange *exchange)
 static void give_up_all(struct sv_service *service)
 {
     sv_views_give_up(service, SV_PROBLEM_DRAINING, "the service is shutting down");
-    service->reload_waiter = NULL;
+    service->scene_waiter = NULL;
     sv_http_each_kept(service->http, give_up_one, NULL);
 }
 

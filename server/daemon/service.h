@@ -36,8 +36,9 @@ struct sv_service {
     double drain_until_ms;
     struct sv_watch *signal_watch;
     int signal_fd;
-    struct sv_exchange *reload_waiter; /* POST /v1/scene/reload that waits; NULL */
-    bool reload_again;                 /* SIGHUP while loading: load once more */
+    struct sv_exchange *scene_waiter; /* POST /v1/scene/reload or PATCH /v1/scene that waits; NULL */
+    bool waiter_patches;
+    bool reload_again; /* SIGHUP while loading: load once more */
     double started_ms;
     bool draining;
     int exit_status;

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "api/patch_parse.h"
 #include "api/scene_doc.h"
 #include "core/geo/geo.h"
 #include "core/image/encode.h"
@@ -114,7 +115,8 @@ static void object_facts(const struct sv_backend *backend, int i, struct sv_obje
     const struct sv_scene *scene = backend->scene;
     const struct sv_object_draw *draw = sv_renderer_objects(backend->renderer);
     const struct sv_scene_object *o = &scene->objects[i];
-    *out = (struct sv_object_facts){.model = scene->models[o->model].file,
+    *out = (struct sv_object_facts){.number = o->number,
+                                    .model = scene->models[o->model].file,
                                     .x = o->x,
                                     .y = o->y,
                                     .z = o->z,
@@ -248,6 +250,45 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
         *out = backend;
     /* On failure the process ends at once: nothing is taken down first. */
     return status;
+}
+
+/* ---- a patch ---- */
+
+static enum sv_status apply(struct sv_backend *backend, const struct sv_scene_patch *patch,
+                            struct sv_scene_change *change, struct sv_errors *errors)
+{
+    struct sv_scene_patch_options options = {.store = backend->store, .log = log_news};
+    struct sv_scene_delta delta;
+    struct sv_error error;
+    double start = now_ms();
+    enum sv_status status = sv_scene_patch_apply(backend->scene, patch, &options, &delta, errors);
+    if (status != SV_OK)
+        return status;
+    double middle = now_ms();
+    status = sv_renderer_change(backend->renderer, &delta, backend->store, &error);
+    if (status != SV_OK)
+        sv_errors_add(errors, SV_EINTERNAL, error.field, "%s", error.message);
+    sv_log(SV_LOG_INFO, "patch", "scene %.1f ms, what is drawn %.1f ms", middle - start, now_ms() - middle);
+    *change = delta.change;
+    sv_scene_delta_finish(&delta);
+    return status;
+}
+
+enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
+                                struct sv_scene_change *change, struct sv_errors *errors)
+{
+    struct sv_scene_patch patch;
+    enum sv_status status = sv_api_patch_parse(text, bytes, &backend->scene->spec, &patch, errors);
+    if (status != SV_OK)
+        return status;
+    status = apply(backend, &patch, change, errors);
+    sv_scene_patch_finish(&patch);
+    if (status != SV_OK)
+        return status;
+    if (sv_backend_renew_document(backend))
+        return SV_OK;
+    sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
+    return SV_ENOMEM;
 }
 
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts)

@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "core/base/error.h"
+#include "core/scene/change.h"
 #include "core/view/request.h"
 #include "core/view/resolved.h"
 #include "core/view/timings.h"
@@ -38,6 +39,10 @@ struct sv_backend_facts {
 /* On failure errors is not empty. */
 SV_MUST_CHECK enum sv_status sv_backend_load(const struct sv_backend_options *options,
                                              struct sv_backend **backend, struct sv_errors *errors);
+/* Changes the scene as the body of a PATCH says (api/patch_parse.h), in the process that it is called in,
+ * which no worker is forked from yet. On failure errors is not empty, and the process ends. */
+SV_MUST_CHECK enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
+                                              struct sv_scene_change *change, struct sv_errors *errors);
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts);
 /* The form of trees that drawing the view has to build first, for seconds, and that could be built beside it:
  * 0: none. */

@@ -11,12 +11,12 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "server/log.h"
@@ -68,29 +68,11 @@ unsigned sv_control_threads(void)
     return count;
 }
 
-/* The text in a sealed memfd; -1 with errno. */
-static int text_descriptor(const char *text, size_t bytes)
-{
-    int fd = memfd_create("silvista-facts", MFD_CLOEXEC | MFD_ALLOW_SEALING);
-    if (fd < 0)
-        return -1;
-    for (size_t done = 0; done < bytes;) {
-        ssize_t n = write(fd, text + done, bytes - done);
-        if (n <= 0) {
-            close(fd);
-            return -1;
-        }
-        done += (size_t)n;
-    }
-    fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE);
-    return fd;
-}
-
 /* The document into a descriptor that is sent with the message; *bytes: its size. -1: logged. */
 static int facts_descriptor(const struct sv_backend_facts *facts, uint64_t *bytes)
 {
     *bytes = strlen(facts->document);
-    int fd = text_descriptor(facts->document, *bytes);
+    int fd = sv_wire_text_descriptor(facts->document, *bytes);
     if (fd < 0)
         sv_log(SV_LOG_ERROR, "control", "facts: %s", strerror(errno));
     return fd;
@@ -223,6 +205,95 @@ static void reap(struct control *c)
     }
 }
 
+/* ---- the successor ---- */
+
+enum { PATCH_BYTES_MAX = 1 << 26 };
+
+static double now_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+/* Takes the patch and makes it. False after the daemon was told why not. */
+static bool patch(struct sv_backend *backend, int control_fd)
+{
+    union sv_wire_message message;
+    struct sv_errors errors;
+    struct sv_error error;
+    struct sv_scene_change change;
+    int fd = -1;
+    if (sv_wire_receive(control_fd, &message, &fd, &error) != SV_OK || fd < 0 ||
+        message.head.type != SV_WIRE_PATCH_TEXT)
+        return false; /* the daemon is gone */
+    double start = now_ms();
+    uint64_t bytes = message.text.bytes;
+    char *text = sv_wire_read_text(fd, bytes, PATCH_BYTES_MAX);
+    close(fd);
+    sv_errors_init(&errors);
+    enum sv_status status = SV_ENOMEM;
+    if (text)
+        status = sv_backend_patch(backend, text, bytes, &change, &errors);
+    else
+        sv_errors_add(&errors, status, "", "no memory to read the patch");
+    if (status != SV_OK) {
+        sv_control_failed(control_fd, status, &errors);
+        return false;
+    }
+    free(text);
+    sv_errors_finish(&errors);
+    sv_wire_init(&message, SV_WIRE_PATCHED, 0);
+    message.patched.ms = now_ms() - start;
+    message.patched.change = change;
+    send_or_leave(control_fd, &message, -1);
+    return true;
+}
+
+/* middle: its parent at first, which ends at once, so that the daemon, as the subreaper, is its parent from
+ * then on. */
+_Noreturn static void be_successor(struct sv_backend *backend, int control_fd, pid_t middle, pid_t daemon)
+{
+    const struct timespec moment = {.tv_nsec = 100000};
+    while (getppid() == middle)
+        nanosleep(&moment, NULL);
+    if (prctl(PR_SET_PDEATHSIG, SIGKILL) || getppid() != daemon)
+        _exit(1);
+    unsigned threads = sv_control_threads();
+    _exit(patch(backend, control_fd) ? sv_control_serve(control_fd, backend, threads) : EXIT_FAILURE);
+}
+
+/* Forks the process that serves the patched scene (copy on write); this one goes on as it is. */
+static void fork_successor(const struct control *c, uint64_t id, int socket)
+{
+    union sv_wire_message message;
+    pid_t daemon = getppid(), middle = fork();
+    int fork_error = errno, status;
+    if (middle > 0) {
+        while (waitpid(middle, &status, 0) < 0 && errno == EINTR)
+            ;
+        return;
+    }
+    pid_t pid = middle < 0 ? -1 : getpid();
+    if (middle == 0) {
+        pid_t self = pid;
+        pid = fork();
+        fork_error = errno;
+        if (pid == 0) {
+            const int own[] = {c->fd, c->signal_fd, c->lacks[0], c->lacks[1]};
+            for (size_t k = 0; k < sizeof own / sizeof own[0]; k++)
+                close(own[k]);
+            be_successor(c->backend, socket, self, daemon);
+        }
+    }
+    sv_wire_init(&message, SV_WIRE_FOLLOWED, id);
+    message.followed.pid = pid > 0 ? (int32_t)pid : 0;
+    message.followed.error_number = pid > 0 ? 0 : fork_error;
+    send_or_leave(c->fd, &message, -1);
+    if (middle == 0)
+        _exit(0);
+}
+
 /* False when the daemon has closed. */
 static bool take_order(const struct control *c)
 {
@@ -232,8 +303,9 @@ static bool take_order(const struct control *c)
     enum sv_status status = sv_wire_receive(c->fd, &message, &socket, &error);
     if (status == SV_ENOENT)
         return false;
-    if (status == SV_OK && message.head.type == SV_WIRE_FORK && socket >= 0) {
-        fork_worker(c, message.head.id, socket);
+    bool fork_order = message.head.type == SV_WIRE_FORK, patch_order = message.head.type == SV_WIRE_PATCH;
+    if (status == SV_OK && (fork_order || patch_order) && socket >= 0) {
+        (fork_order ? fork_worker : fork_successor)(c, message.head.id, socket);
         close(socket);
         return true;
     }

@@ -28,7 +28,7 @@ static void later(void **state)
         {"POST", "/v1/batch", "postBatch"},
         {"GET", "/v1/batch", NULL},
         {"GET", "/v1/view", NULL},
-        {"PATCH", "/v1/scene", "patchScene"},
+        {"PATCH", "/v1/scene", NULL},
         {"GET", "/v1/scene", NULL},
         {"HEAD", "/v1/tradeoff", "getTradeoff"},
         {"GET", "/tiles/3/4/5.png", "getTile"},

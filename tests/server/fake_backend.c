@@ -84,6 +84,32 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
     return b ? SV_OK : errors->count ? errors->items[0].code : SV_ENOMEM;
 }
 
+/* Anything that is an object is a patch; its bytes make the version. "outside" among its keys: there is no
+ * room. */
+enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
+                                struct sv_scene_change *change, struct sv_errors *errors)
+{
+    cJSON *root = cJSON_ParseWithLength(text, bytes);
+    enum sv_status status = !cJSON_IsObject(root)                  ? SV_EINVAL
+                            : cJSON_HasObjectItem(root, "outside") ? SV_EOUTSIDE
+                                                                   : SV_OK;
+    if (cJSON_HasObjectItem(root, "die"))
+        abort();
+    cJSON_Delete(root);
+    if (status != SV_OK) {
+        sv_errors_add(errors, status, "trees.add[0]", "not like that");
+        return status;
+    }
+    backend->version = sv_hash_done(sv_hash_bytes(sv_hash_u64(SV_HASH_INIT, backend->version), text, bytes));
+    char version[24];
+    char *told = strstr(backend->document, "\"version\":\"");
+    snprintf(version, sizeof version, "%016llx", (unsigned long long)backend->version);
+    if (told)
+        memcpy(told + strlen("\"version\":\""), version, strlen(version));
+    *change = (struct sv_scene_change){.trees_added = 1};
+    return SV_OK;
+}
+
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts)
 {
     *facts = (struct sv_backend_facts){
