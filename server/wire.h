@@ -7,9 +7,10 @@
  * does.
  *
  * daemon -> scene   FORK (fd: the worker's end of a socketpair)
- * scene  -> daemon  READY (fd: memfd with the facts as JSON), or REASON ... REASON FAILED; FORKED (fd:
- * pidfd), EXITED, FACTS (fd: memfd) daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED,
- * DRAWN
+ * scene  -> daemon  CELLS (fd: memfd of relief panels, before READY), READY (fd: memfd with the facts as JSON),
+ *                   or REASON ... REASON FAILED; FORKED (fd: pidfd), EXITED, FACTS (fd: memfd)
+ * daemon -> worker  RESOLVE, VIEW (fd: slab), BUILD
+ * worker -> daemon  RESOLVED, DRAWN, BUILT
  *
  * A patch: daemon -> scene PATCH (fd: the successor's end of a socketpair), which is forked from the scene
  * process and told of by FOLLOWED; daemon -> successor PATCH_TEXT (fd: memfd with the body) over its own
@@ -39,6 +40,9 @@ enum { SV_WIRE_VERSION = 2 };
     X(SV_WIRE_RESOLVED, struct sv_wire_resolved, resolved) \
     X(SV_WIRE_VIEW, struct sv_wire_view, view)             \
     X(SV_WIRE_DRAWN, struct sv_wire_drawn, drawn)          \
+    X(SV_WIRE_CELLS, struct sv_wire_cells, cells)          \
+    X(SV_WIRE_BUILD, struct sv_wire_build, build)          \
+    X(SV_WIRE_BUILT, struct sv_wire_built, built)          \
     X(SV_WIRE_PATCH, struct sv_wire_patch, patch)          \
     X(SV_WIRE_FOLLOWED, struct sv_wire_followed, followed) \
     X(SV_WIRE_PATCH_TEXT, struct sv_wire_patch_text, text) \
@@ -72,6 +76,11 @@ struct sv_wire_ready {
 struct sv_wire_facts { /* with a memfd: what READY brought is out of date */
     struct sv_wire_head head;
     uint64_t facts_bytes;
+};
+
+struct sv_wire_cells { /* with a memfd (server/cells_memory.h): the panels that the workers to come share */
+    struct sv_wire_head head;
+    uint64_t bytes;
 };
 
 struct sv_wire_reason { /* one reason why a scene does not load */
@@ -134,6 +143,22 @@ struct sv_wire_drawn {
     struct sv_error error;
     struct sv_timings timings;
     struct sv_draw_stats stats;
+};
+
+struct sv_wire_build { /* panels that the view would be drawn from */
+    struct sv_wire_head head;
+    struct sv_view_request request;
+    uint32_t most; /* panels to build at most */
+    uint32_t reserved;
+};
+
+struct sv_wire_built {
+    struct sv_wire_head head;
+    uint32_t status; /* enum sv_status; error is set when it is not SV_OK */
+    uint32_t built, left; /* panels; left: still missing */
+    uint32_t reserved;
+    uint64_t own_bytes; /* as in sv_wire_drawn */
+    struct sv_error error;
 };
 
 struct sv_wire_patch {

@@ -129,6 +129,9 @@ size_t sv_cell_cache_drop(struct sv_cell_cache *cache, uint64_t generation, doub
 size_t sv_cell_cache_drop_keys(struct sv_cell_cache *cache, uint64_t generation, const uint64_t *keys,
                                size_t count);
 
+/* Drops all that are there or being built, whatever their generation, which stays; returns how many. */
+size_t sv_cell_cache_clear(struct sv_cell_cache *cache);
+
 /* Copies up to `most` items that can be found or are being built, in no order; returns how many there are. */
 size_t sv_cell_cache_list(struct sv_cell_cache *cache, double now_s, struct sv_cell_cache_item *items,
                           size_t most);

@@ -15,6 +15,8 @@ struct sv_renderer {
     struct sv_direct *direct;
     struct sv_truth *truth;
     struct sv_cells *cells; /* NULL: none */
+    struct sv_cell_cache *cache;
+    double direct_ms[SV_CELL_ADMIT_KINDS]; /* means; 0: not measured */
     sv_clock_ms clock;
 };
 
@@ -38,6 +40,7 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     r->clock = options->clock;
     enum sv_status status = sv_direct_create(scene, options->store, &r->direct, error);
     if (!status && options->cells) {
+        r->cache = options->cells;
         struct sv_cells_options cells = {options->cells, options->cells_slot, options->clock};
         status = sv_cells_create(scene, r->direct, &cells, &r->cells, error);
     }
@@ -49,6 +52,29 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     }
     *renderer = r;
     return SV_OK;
+}
+
+void sv_renderer_use_cells_slot(struct sv_renderer *renderer, int slot)
+{
+    if (renderer->cells && slot >= 0)
+        sv_cells_use_slot(renderer->cells, (unsigned)slot);
+    else
+        renderer->cells = NULL; /* it goes with the process: what was there before a fork is not freed */
+}
+
+enum sv_status sv_renderer_build_cells(struct sv_renderer *renderer, const struct sv_view_request *request,
+                                       const struct sv_resolved_view *view, uint32_t most, uint32_t *built,
+                                       uint32_t *left, struct sv_error *error)
+{
+    struct sv_cells_report report = {0};
+    enum sv_status status = SV_OK;
+    if (renderer->cells && view->plan.relief != SV_RELIEF_OFF && sv_cells_can(view, request->layers))
+        status = sv_cells_build(renderer->cells, view, most, &report, error);
+    if (!status) {
+        *built = report.built;
+        *left = report.left;
+    }
+    return status;
 }
 
 enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error)
@@ -182,19 +208,61 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
     return status;
 }
 
+/* Measured times of drawing directly, of pictures of 2^kind pixels: what drawing from cells saves is counted by them. */
+static int kind_of(const struct sv_resolved_view *view)
+{
+    int kind = ilogb((double)view->camera.width * view->camera.height);
+    return kind < SV_CELL_ADMIT_KINDS ? kind : SV_CELL_ADMIT_KINDS - 1;
+}
+
+static void directly_took(struct sv_renderer *r, const struct sv_resolved_view *view, double ms)
+{
+    double *mean = &r->direct_ms[kind_of(view)];
+    *mean = *mean > 0 ? *mean + (ms - *mean) / 8 : ms;
+}
+
+static void learn(struct sv_renderer *r, const struct sv_resolved_view *view, const struct sv_cells_report *report,
+                  double ms)
+{
+    double build_ms = fmax(report->ms[SV_STAGE_CELL], 0), direct_ms = r->direct_ms[kind_of(view)];
+    sv_cell_cache_measured(r->cache, kind_of(view), report->built > 0 ? build_ms * 1e-3 : NAN,
+                           direct_ms > 0 ? (direct_ms - (ms - build_ms)) * 1e-3 : NAN);
+}
+
+/* auto: cells when all panels are there, or when building them pays. */
+static bool admitted(struct sv_renderer *r, const struct sv_resolved_view *view, uint64_t id)
+{
+    struct sv_cell_admit_request request = {.key = id, .kind = kind_of(view), .now_s = now(r) * 1e-3};
+    return view->plan.relief == SV_RELIEF_ON || sv_cell_cache_admit(r->cache, &request);
+}
+
+/* SV_ENOENT, with nothing drawn: to be drawn directly. */
 static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_request *request,
                                  const struct sv_resolved_view *view, struct sv_picture *picture,
                                  struct sv_timings *timings, struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_cells_report report;
-    enum sv_status status = sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, true,
-                                          picture->layer[SV_LAYER_COLOR].data, &report, stats, error);
+    uint8_t *rgba = picture->layer[SV_LAYER_COLOR].data;
+    double since = now(r);
+    bool build = view->plan.relief == SV_RELIEF_ON;
+    enum sv_status status =
+        sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, build, rgba, &report, stats, error);
+    if (status == SV_ENOENT && !build && admitted(r, view, report.id))
+        status = sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, true, rgba, &report, stats, error);
+    stats->cell = (struct sv_cell_use){.kind = SV_CELL_USE_BYPASS, .id = report.id};
+    if (status)
+        return status;
+    stats->cell.kind = report.built > 0 ? SV_CELL_USE_BUILT : report.hits > 0 ? SV_CELL_USE_HIT : SV_CELL_USE_NONE;
+    stats->cell.hits = report.hits;
+    stats->cell.built = report.built;
+    stats->cell.refined = report.refined;
+    learn(r, view, &report, now(r) - since);
     for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
         if (report.ms[k] >= 0)
             timings->ms[k] = fmax(timings->ms[k], 0) + report.ms[k];
-    if (!status && !request->sky)
+    if (!request->sky)
         straighten(&picture->layer[SV_LAYER_COLOR]);
-    return status;
+    return SV_OK;
 }
 
 static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_request *request,
@@ -230,13 +298,22 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
                                 struct sv_error *error)
 {
     struct sv_picture picture = {0};
-    struct sv_draw_stats own = {0};
+    struct sv_draw_stats own = {0}, *told = stats ? stats : &own;
     enum sv_status status = sv_picture_alloc(&view->camera, request->layers, &picture, error);
-    bool cells = renderer->cells && view->plan.relief == SV_RELIEF_ON && sv_cells_can(view, request->layers);
-    if (!status)
-        status = view->plan.raycast ? draw_raycast(renderer, request, view, &picture, timings, error)
-                 : cells ? draw_cells(renderer, request, view, &picture, timings, stats ? stats : &own, error)
-                     : draw_raster(renderer, request, view, &picture, timings, stats ? stats : &own, error);
+    bool cells = renderer->cells && view->plan.relief != SV_RELIEF_OFF && sv_cells_can(view, request->layers);
+    told->cell = (struct sv_cell_use){.kind = view->plan.relief == SV_RELIEF_ON ? SV_CELL_USE_BYPASS : SV_CELL_USE_NONE};
+    if (!status && view->plan.raycast)
+        status = draw_raycast(renderer, request, view, &picture, timings, error);
+    else if (!status)
+        status = cells ? draw_cells(renderer, request, view, &picture, timings, told, error) : SV_ENOENT;
+    if (status == SV_ENOENT && !view->plan.raycast) {
+        struct sv_cell_use cell = told->cell;
+        double since = now(renderer);
+        status = draw_raster(renderer, request, view, &picture, timings, told, error);
+        told->cell = cell;
+        if (cells)
+            directly_took(renderer, view, now(renderer) - since);
+    }
     if (status) {
         sv_picture_finish(&picture);
         return status;

@@ -33,6 +33,15 @@ SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer,
                                               const struct sv_resolved_view *view, struct sv_picture *picture,
                                               struct sv_timings *timings, struct sv_draw_stats *stats,
                                               struct sv_error *error);
+/* For a process that was forked since: its slot of the cells' cache. Negative: it has none, and draws every view
+ * directly. */
+void sv_renderer_use_cells_slot(struct sv_renderer *renderer, int slot);
+/* Builds panels of cells that the view would be drawn from, at most `most` of them that nobody else is building:
+ * *built of them, and *left are still missing then. Nothing is built for a view that cells cannot draw. */
+SV_MUST_CHECK enum sv_status sv_renderer_build_cells(struct sv_renderer *renderer,
+                                                     const struct sv_view_request *request,
+                                                     const struct sv_resolved_view *view, uint32_t most,
+                                                     uint32_t *built, uint32_t *left, struct sv_error *error);
 /* Casts what the scene's own sun throws on all of the ground, as fine as takes a few seconds at most:
  * before forks, so that all share it. Pictures are the same without. */
 SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/base/frames.h"
+#include "core/view/rings.h"
 
 /* An eye farther than this from the scene's centre is a mistake in coordinates, not a view. */
 static const double eye_distance_max_m = 1e7;
@@ -172,12 +173,14 @@ static const struct {
     [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 16},
 };
 
-static void resolve_plan(const struct sv_view_request *request, struct sv_plan *plan)
+static void resolve_plan(const struct sv_scene *scene, const struct sv_view_request *request, struct sv_plan *plan)
 {
     bool reference = request->quality == SV_QUALITY_REFERENCE;
     plan->raycast = reference || request->trees == SV_TREES_RAYCAST;
     plan->draw_trees = request->trees != SV_TREES_NONE;
     plan->relief = request->relief;
+    plan->relief_distance_m = request->relief_distance_m > 0 ? request->relief_distance_m : scene->relief_distance_m;
+    plan->relief_resolution = request->relief_resolution > 0 ? request->relief_resolution : scene->relief_resolution;
     plan->shadows = request->shadows;
     plan->samples = request->samples ? request->samples : reference ? 16 : 1;
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;
@@ -207,7 +210,7 @@ enum sv_status sv_view_resolve(const struct sv_scene *scene, const struct sv_vie
 {
     struct sv_resolved_view view;
     memset(&view, 0, sizeof view); /* padding too: the struct is hashed and sent as bytes */
-    resolve_plan(request, &view.plan);
+    resolve_plan(scene, request, &view.plan);
     enum sv_status status = SV_OK;
     if (request->north_true && sv_crs_is_local(scene->crs))
         status = sv_fail(error, SV_EINVAL, "north",
@@ -230,6 +233,8 @@ enum sv_status sv_view_resolve(const struct sv_scene *scene, const struct sv_vie
         camera->far_m = ortho_far(scene, camera);
     view.has_lonlat = sv_crs_to_lonlat(scene->crs, camera->eye.x, camera->eye.y, &view.lon_deg, &view.lat_deg);
     view.air = request->air;
+    struct sv_view_rings rings;
+    view.cell = sv_view_rings(&view, &rings) ? rings.chain[rings.rings.count - 1].v : camera->eye;
     *out = view;
     return SV_OK;
 }

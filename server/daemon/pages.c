@@ -8,6 +8,7 @@
 
 #include "api/answer.h"
 #include "api/openapi.h"
+#include "server/daemon/cells.h"
 #include "core/scene/id.h"
 #include "server/daemon/reply.h"
 #include "server/log.h"
@@ -67,6 +68,7 @@ static void fill_gauges(struct sv_service *service)
     g[SV_GAUGE_SCENE_LOAD] = scene ? scene->load_ms * 1e-3 : 0;
     g[SV_GAUGE_UPTIME] = (sv_loop_now_ms() - service->started_ms) * 1e-3;
     g[SV_GAUGE_LOG_DROPPED] = (double)sv_log_dropped();
+    sv_cells_measure(service);
     measure_process(&service->metrics);
 }
 
@@ -117,6 +119,18 @@ bool sv_page_token_fits(const char *field, const char *token)
     return differs == 0;
 }
 
+bool sv_page_is_admin(struct sv_service *service, struct sv_exchange *exchange)
+{
+    const char *token = service->settings->admin_token;
+    if (!token[0])
+        sv_reply_problem(exchange, SV_PROBLEM_FORBIDDEN, "no admin_token is set");
+    else if (!sv_page_token_fits(sv_exchange_field(exchange, "Authorization"), token))
+        sv_reply_problem(exchange, SV_PROBLEM_UNAUTHORIZED, NULL);
+    else
+        return true;
+    return false;
+}
+
 static void waiter_gone(struct sv_exchange *exchange)
 {
     struct sv_service *service = exchange->owner;
@@ -126,16 +140,11 @@ static void waiter_gone(struct sv_exchange *exchange)
 /* Is the caller allowed to change the scene, now? Answers if not. */
 static bool may_change(struct sv_service *service, struct sv_exchange *exchange)
 {
-    const char *token = service->settings->admin_token;
-    if (!token[0])
-        sv_reply_problem(exchange, SV_PROBLEM_FORBIDDEN, "no admin_token is set");
-    else if (!sv_page_token_fits(sv_exchange_field(exchange, "Authorization"), token))
-        sv_reply_problem(exchange, SV_PROBLEM_UNAUTHORIZED, NULL);
-    else if (service->draining)
+    if (!sv_page_is_admin(service, exchange))
+        return false;
+    if (service->draining)
         sv_reply_problem(exchange, SV_PROBLEM_DRAINING, NULL);
-    else
-        return true;
-    return false;
+    return !service->draining;
 }
 
 /* Keeps the exchange until the scene that was asked for serves, or does not come. */

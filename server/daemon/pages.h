@@ -20,5 +20,7 @@ void sv_page_scene_done(struct sv_service *service, const struct sv_errors *reas
 /* Is `field` (an Authorization header, may be NULL) "Bearer TOKEN"? Takes the same time wherever they differ.
  */
 bool sv_page_token_fits(const char *field, const char *token);
+/* May it do what needs the admin token? False, with the answer given: it may not. */
+bool sv_page_is_admin(struct sv_service *service, struct sv_exchange *exchange);
 
 #endif

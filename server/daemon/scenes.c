@@ -77,13 +77,16 @@ void sv_scenes_child_environment(void)
 static void become_scene(const struct sv_scenes *scenes, int control, pid_t parent)
 {
     const struct sv_settings *s = scenes->settings;
-    char budget[32], workers[32], pixels[32], samples[32];
+    char budget[32], workers[32], pixels[32], samples[32], cells[32];
     sigset_t none;
     snprintf(budget, sizeof budget, "%lld", (long long)s->cache_budget_mb);
     snprintf(workers, sizeof workers, "%lld", (long long)s->workers);
     snprintf(pixels, sizeof pixels, "%lld", (long long)s->max_pixels);
     snprintf(samples, sizeof samples, "%lld", (long long)s->max_samples_pixels);
+    snprintf(cells, sizeof cells, "%lld", (long long)s->cells_bytes);
     const char *const argv[] = {scenes->program,
+                                "--cells-bytes",
+                                cells,
                                 "--max-pixels",
                                 pixels,
                                 "--max-samples-pixels",
@@ -313,6 +316,16 @@ static void on_facts(struct sv_scene_process *process, const struct sv_wire_fact
     }
 }
 
+/* The daemon lists and drops panels; without the memory it has none to tell of. */
+static void on_cells(struct sv_scene_process *process, const struct sv_wire_cells *message, int fd)
+{
+    struct sv_error error;
+    if (fd < 0 || process->cells.cache)
+        return;
+    if (sv_cells_memory_open(fd, message->bytes, &process->cells, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "cells", "process %d: %s", (int)process->pid, error.message);
+}
+
 /* A descriptor that came with a message that has no use for it is closed. */
 static void take_message(struct sv_scene_process *process, const union sv_wire_message *message, int fd)
 {
@@ -322,6 +335,9 @@ static void take_message(struct sv_scene_process *process, const union sv_wire_m
         return;
     case SV_WIRE_FACTS:
         on_facts(process, &message->facts, fd);
+        break;
+    case SV_WIRE_CELLS:
+        on_cells(process, &message->cells, fd);
         break;
     case SV_WIRE_FORKED:
         sv_crew_forked(&process->crew, &message->forked, fd);
@@ -355,6 +371,8 @@ static void take_message(struct sv_scene_process *process, const union sv_wire_m
     case SV_WIRE_RESOLVED:
     case SV_WIRE_VIEW:
     case SV_WIRE_DRAWN:
+    case SV_WIRE_BUILD:
+    case SV_WIRE_BUILT:
     case SV_WIRE_TYPE_COUNT:
         sv_log(SV_LOG_ERROR, "scene process", "process %d said what only others say", (int)process->pid);
         end_process(process);
@@ -454,6 +472,7 @@ static void forget(struct sv_scene_process *process)
     *at = process->next;
     sv_errors_finish(&process->reasons);
     free(process->facts);
+    sv_cells_memory_close(&process->cells);
     free(process->change);
     free(process);
 }

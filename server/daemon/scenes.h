@@ -15,6 +15,7 @@
 #include <stdint.h>
 #include <sys/types.h>
 
+#include "server/cells_memory.h"
 #include "server/daemon/settings.h"
 #include "server/daemon/workers.h"
 
@@ -29,6 +30,7 @@ struct sv_scene_process {
     int epsg;
     double relief_distance_m;
     char *facts; /* JSON text, heap */
+    struct sv_cells_memory cells; /* panels that its workers share; the cache is NULL where there are none */
     double started_ms, load_ms;
     struct sv_errors reasons;
     struct sv_crew crew;

@@ -279,7 +279,8 @@ enum sv_status sv_service_start(struct sv_service *service, const struct sv_sett
 {
     static const struct sv_scenes_events scenes_events = {on_serving, on_failed, on_lost};
     static const struct sv_crew_events crew_events = {
-        .idle = sv_views_idle, .resolved = sv_views_resolved, .drawn = sv_views_drawn, .lost = sv_views_lost};
+        .idle = sv_views_idle, .resolved = sv_views_resolved, .drawn = sv_views_drawn, .lost = sv_views_lost,
+        .built = sv_ahead_built, .build_lost = sv_ahead_lost};
     service->settings = settings;
     service->started_ms = sv_loop_now_ms();
     service->signal_fd = -1;
@@ -322,6 +323,7 @@ void sv_service_stop(struct sv_service *service)
         give_up_all(service);
     sv_http_destroy(service->http);
     sv_scenes_finish(&service->scenes);
+    sv_ahead_clear(service);
     if (service->loop) {
         sv_loop_unwatch(service->loop, service->signal_watch);
         sv_loop_disarm(service->loop, &service->pump);

@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "api/view_parse.h"
+#include "server/daemon/ahead.h"
 #include "server/daemon/flight.h"
 #include "server/daemon/http.h"
 #include "server/daemon/loop.h"
@@ -26,6 +27,7 @@ struct sv_service {
     struct sv_scenes scenes;
     struct sv_queue queue;
     struct sv_flights flights;
+    struct sv_ahead ahead;
     struct sv_memo *memo;
     struct sv_pictures *pictures;
     struct sv_slab_pool *slabs;

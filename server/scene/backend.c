@@ -28,6 +28,7 @@ struct sv_backend {
     struct sv_store *store;
     struct sv_scene *scene;
     struct sv_renderer *renderer;
+    struct sv_cells_memory cells;
     int epsg;
     double load_s;
     uint64_t pixels_max, sample_pixels_max; /* for the document */
@@ -203,12 +204,24 @@ static enum sv_status load_scene(struct sv_backend *backend, const struct sv_bac
     return status;
 }
 
+/* Without memory for panels every view is drawn directly. */
+static void make_cells(struct sv_backend *backend, uint64_t bytes)
+{
+    struct sv_error error;
+    if (bytes > 0 && sv_cells_memory_make(bytes, &backend->cells, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "cells", "%s: %s: there are no relief cells", error.field, error.message);
+}
+
 static enum sv_status make_renderer(struct sv_backend *backend, bool warm, struct sv_errors *errors)
 {
     struct sv_error error;
     /* The ray-cast structures are built before the fork, so that all workers share them; 0.3 s for the demo.
      */
-    struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms, .truth = warm};
+    struct sv_renderer_options renderer_options = {.store = backend->store,
+                                                   .clock = now_ms,
+                                                   .truth = warm,
+                                                   .cells = backend->cells.cache,
+                                                   .cells_slot = SV_CELL_CACHE_SLOTS - 1};
     enum sv_status status = sv_renderer_create(backend->scene, &renderer_options, &backend->renderer, &error);
     if (status != SV_OK)
         sv_errors_add(errors, status, error.field, "%s", error.message);
@@ -235,6 +248,7 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
     enum sv_status status = load_scene(backend, options, errors);
     if (status == SV_OK) {
         backend->epsg = sv_crs_epsg(backend->scene->crs);
+        make_cells(backend, options->cells_bytes);
         status = make_renderer(backend, !options->one_picture, errors);
     }
     if (status == SV_OK) {
@@ -305,6 +319,28 @@ enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_vi
 {
     enum sv_status status = sv_view_resolve(backend->scene, request, view, ground_z, error);
     *has_ground = status == SV_EUNDERGROUND;
+    return status;
+}
+
+/* ---- relief cells ---- */
+
+const struct sv_cells_memory *sv_backend_cells(const struct sv_backend *backend)
+{
+    return &backend->cells;
+}
+
+void sv_backend_use_slot(struct sv_backend *backend, int slot)
+{
+    sv_renderer_use_cells_slot(backend->renderer, slot);
+}
+
+enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view_request *request, uint32_t most,
+                                uint32_t *built, uint32_t *left, struct sv_error *error)
+{
+    struct sv_resolved_view view;
+    enum sv_status status = sv_view_resolve(backend->scene, request, &view, NULL, error);
+    if (status == SV_OK)
+        status = sv_renderer_build_cells(backend->renderer, request, &view, most, built, left, error);
     return status;
 }
 

@@ -23,13 +23,18 @@
 #include "server/scene/worker.h"
 #include "server/wire.h"
 
-enum { BUILDER_NICE = 10, FORMS = 32 };
+/* The last slot is this process's own; a scene and its successor, who share the cache, take turns in the halves of the
+ * rest. */
+enum { BUILDER_NICE = 10, FORMS = 32, SLOTS = (SV_CELL_CACHE_SLOTS - 1) / 2 };
+
+static unsigned half; /* of the slots; handed on by fork */
 
 struct control {
     struct sv_backend *backend;
     int fd, signal_fd;
     int lacks[2];           /* pipe: forms that workers lack, a byte each */
     pid_t builder;          /* 0: none */
+    pid_t slots[SLOTS];     /* workers that have a slot of the cells' cache; 0: nobody */
     uint32_t wanted, tried; /* forms to build; that a builder was started for: nothing is tried twice */
 };
 
@@ -78,6 +83,18 @@ static int facts_descriptor(const struct sv_backend_facts *facts, uint64_t *byte
     return fd;
 }
 
+/* Before READY, so that the daemon has it when views are drawn. */
+static void say_cells(const struct control *c)
+{
+    union sv_wire_message message;
+    const struct sv_cells_memory *cells = sv_backend_cells(c->backend);
+    if (!cells->cache)
+        return;
+    sv_wire_init(&message, SV_WIRE_CELLS, 0);
+    message.cells.bytes = cells->bytes;
+    send_or_leave(c->fd, &message, cells->fd);
+}
+
 static bool say_ready(const struct control *c, unsigned threads)
 {
     union sv_wire_message message;
@@ -92,6 +109,7 @@ static bool say_ready(const struct control *c, unsigned threads)
     int fd = facts_descriptor(&facts, &message.ready.facts_bytes);
     if (fd < 0)
         return false;
+    say_cells(c);
     send_or_leave(c->fd, &message, fd);
     close(fd);
     return true;
@@ -112,19 +130,47 @@ static void say_facts(const struct control *c)
     close(fd);
 }
 
+/* Of whom (0: a free one); -1: there is none. */
+static int find_slot(const struct control *c, pid_t pid)
+{
+    for (int slot = 0; slot < SLOTS; slot++)
+        if (c->slots[slot] == pid)
+            return slot;
+    return -1;
+}
+
+/* The process is dead: what it held or was building is free. */
+static void free_slot(struct control *c, pid_t pid)
+{
+    struct sv_cell_cache *cache = sv_backend_cells(c->backend)->cache;
+    int slot = find_slot(c, pid);
+    if (slot < 0)
+        return;
+    c->slots[slot] = 0;
+    if (cache)
+        sv_cell_cache_release(cache, half * SLOTS + (unsigned)slot);
+}
+
 /* Forks a worker that lives on the socket, and tells its pidfd: it is opened here, before anybody can reap
  * the child, so that it can mean no other process. */
-static void fork_worker(const struct control *c, uint64_t id, int socket)
+static void fork_worker(struct control *c, uint64_t id, int socket)
 {
     union sv_wire_message message;
     pid_t parent = getpid();
+    int slot = find_slot(c, 0);
+    struct sv_cell_cache *cache = sv_backend_cells(c->backend)->cache;
+    if (cache && slot >= 0) /* the scene before the one before this had the same half */
+        sv_cell_cache_release(cache, half * SLOTS + (unsigned)slot);
     pid_t pid = fork();
     if (pid == 0) {
         close(c->fd);
         close(c->signal_fd);
         close(c->lacks[0]);
+        sv_backend_use_slot(c->backend, slot < 0 ? slot : (int)half * SLOTS + slot);
         sv_worker_live(c->backend, socket, c->lacks[1], parent);
     }
+    if (pid > 0 && slot >= 0)
+        c->slots[slot] = pid;
     int fork_error = errno;
     int pidfd = pid > 0 ? (int)syscall(SYS_pidfd_open, pid, 0) : -1;
     sv_wire_init(&message, SV_WIRE_FORKED, id);
@@ -198,6 +244,7 @@ static void reap(struct control *c)
             start_builder(c);
             continue;
         }
+        free_slot(c, pid);
         sv_wire_init(&message, SV_WIRE_EXITED, 0);
         message.exited.pid = (int32_t)pid;
         message.exited.wait_status = status;
@@ -260,6 +307,7 @@ _Noreturn static void be_successor(struct sv_backend *backend, int control_fd, p
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) || getppid() != daemon)
         _exit(1);
     unsigned threads = sv_control_threads();
+    half = 1 - half;
     _exit(patch(backend, control_fd) ? sv_control_serve(control_fd, backend, threads) : EXIT_FAILURE);
 }
 
@@ -295,7 +343,7 @@ static void fork_successor(const struct control *c, uint64_t id, int socket)
 }
 
 /* False when the daemon has closed. */
-static bool take_order(const struct control *c)
+static bool take_order(struct control *c)
 {
     union sv_wire_message message;
     struct sv_error error;
@@ -305,7 +353,10 @@ static bool take_order(const struct control *c)
         return false;
     bool fork_order = message.head.type == SV_WIRE_FORK, patch_order = message.head.type == SV_WIRE_PATCH;
     if (status == SV_OK && (fork_order || patch_order) && socket >= 0) {
-        (fork_order ? fork_worker : fork_successor)(c, message.head.id, socket);
+        if (fork_order)
+            fork_worker(c, message.head.id, socket);
+        else
+            fork_successor(c, message.head.id, socket);
         close(socket);
         return true;
     }

@@ -116,6 +116,30 @@ void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts 
         .version = backend->version, .relief_distance_m = 100, .document = backend->document};
 }
 
+const struct sv_cells_memory *sv_backend_cells(const struct sv_backend *backend)
+{
+    static const struct sv_cells_memory none = {.fd = -1};
+    (void)backend;
+    return &none;
+}
+
+void sv_backend_use_slot(struct sv_backend *backend, int slot)
+{
+    (void)backend;
+    (void)slot;
+}
+
+enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view_request *request, uint32_t most,
+                                uint32_t *built, uint32_t *left, struct sv_error *error)
+{
+    struct sv_resolved_view view;
+    bool has_ground;
+    double ground_z;
+    (void)most;
+    *built = *left = 0;
+    return sv_backend_resolve(backend, request, &view, &has_ground, &ground_z, error);
+}
+
 int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view)
 {
     (void)backend;
@@ -150,7 +174,7 @@ enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_vi
         return sv_fail(error, SV_EUNDERGROUND, "eye", "the eye is at %g m, the ground at 0 m", z);
     }
     memset(view, 0, sizeof *view);
-    view->camera.eye = (struct sv_vec3){eye->x, eye->y, z};
+    view->camera.eye = view->cell = (struct sv_vec3){eye->x, eye->y, z};
     view->camera.right = (struct sv_vec3){1, 0, 0};
     view->camera.up = (struct sv_vec3){0, 0, 1};
     view->camera.forward = (struct sv_vec3){0, 1, 0};
