@@ -3,11 +3,11 @@
  *
  *   walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] [--size N]
  * [--truth STRIDE]
- *               [--warm] [--still] [-o FOLDER]
+ *               [--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [-o FOLDER]
  *
  * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
  * kinds at random. --warm: the path is gone along once before it is measured; --still: the first pose again
- * and again. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. One process: ms a frame
+ * and again. --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. One process: ms a frame
  * on one core, encoding left out. FOLDER: walkthrough.csv and pictures. */
 #include <math.h>
 #include <stdio.h>
@@ -18,9 +18,9 @@
 #include "tests/experiments/forest_kit.h"
 
 enum path { FLIGHT, WALK, JUMP };
-enum form { ON, OFF, RAYCAST, FORMS };
+enum form { ON, OFF, RAYCAST, RAYCAST4, FORMS };
 static const char *const PATHS[] = {"flight", "walk", "jump"};
-static const char *const NAMES[] = {"on", "off", "raycast"};
+static const char *const NAMES[] = {"on", "off", "raycast", "four"};
 #define FRAMES_PER_S 30.0
 enum { FRAMES_MAX = 4096 };
 
@@ -28,6 +28,8 @@ struct setup {
     uint32_t trees;
     enum path path;
     int frames, size, truth_stride;
+    int refine_samples, refine_scale; /* 0: panels stay as built */
+    int panel;                        /* texels a side; 0: the scene's */
     bool forms[FORMS], warm, still;
     const char *folder;
 };
@@ -52,9 +54,23 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
 
 static void dress(struct sv_view_request *request, enum form form)
 {
+    bool cast = form == RAYCAST || form == RAYCAST4;
     request->relief = form == ON ? SV_RELIEF_ON : SV_RELIEF_OFF;
-    request->trees = form == RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
-    request->samples = 1;
+    request->trees = cast ? SV_TREES_RAYCAST : SV_TREES_AUTO;
+    request->samples = form == RAYCAST4 ? 4 : 1;
+}
+
+static void refine(const struct forest *forest, const struct setup *setup, struct sv_view_request *request)
+{
+    request->relief_resolution = setup->panel;
+    if (!setup->refine_samples)
+        return;
+    struct sv_picture picture;
+    double ms;
+    forest_draw(forest, request, &picture, NULL, NULL, NULL);
+    sv_picture_finish(&picture);
+    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale, &ms);
+    printf("refined %u panels in %.1f s\n", count, ms * 1e-3);
 }
 
 static double values[FORMS][FRAMES_MAX];
@@ -86,6 +102,8 @@ static void run(const struct forest *forest, const struct setup *setup, FILE *cs
             if (!setup->forms[form])
                 continue;
             dress(&of, (enum form)form);
+            if (form == ON)
+                refine(forest, setup, &of);
             forest_draw(forest, &of, &picture, NULL, &ms, &cpu_ms);
             values[form][k] = cpu_ms;
             if (compare) {
@@ -133,6 +151,11 @@ static bool option(struct setup *setup, const char *name, const char *value)
         return (setup->size = atoi(value)) >= 16;
     else if (strcmp(name, "--truth") == 0)
         setup->truth_stride = atoi(value);
+    else if (strcmp(name, "--panel") == 0)
+        return (setup->panel = atoi(value)) >= 16;
+    else if (strcmp(name, "--refine") == 0)
+        return sscanf(value, "%dx%d", &setup->refine_samples, &setup->refine_scale) >= 1 &&
+               setup->refine_samples >= 1 && setup->refine_scale >= 1;
     else if (strcmp(name, "-o") == 0)
         setup->folder = value;
     else if (strcmp(name, "--path") == 0) {
@@ -152,7 +175,7 @@ static bool option(struct setup *setup, const char *name, const char *value)
 
 int main(int argc, char **argv)
 {
-    struct setup setup = {.trees = 45000, .frames = 60, .size = 512, .forms = {true, true, false}};
+    struct setup setup = {.trees = 45000, .frames = 60, .size = 512, .refine_scale = 1, .forms = {true, true, false}};
     struct forest forest;
     bool well = true;
     for (int k = 1; k < argc && well; k++) {
@@ -167,7 +190,7 @@ int main(int argc, char **argv)
         fprintf(
             stderr,
             "usage: walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] "
-            "[--size N] [--truth STRIDE] [--warm] [--still] [-o FOLDER]\n");
+            "[--size N] [--truth STRIDE] [--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
@@ -183,7 +206,7 @@ int main(int argc, char **argv)
     fprintf(csv, "trees,path,frame,form,ms,processor_ms,cell_ms,warp_ms,near_ms,composite_ms,mean_abs,ssim,"
                  "gradient\n");
     forest_use_cells((size_t)4 << 30);
-    forest_open(setup.trees, setup.forms[RAYCAST] || setup.truth_stride > 0, &forest);
+    forest_open(setup.trees, setup.forms[RAYCAST] || setup.forms[RAYCAST4] || setup.refine_samples || setup.truth_stride > 0, &forest);
     for (int k = 0; k < setup.frames && setup.warm && setup.forms[ON]; k++) {
         struct sv_view_request request = pose(&forest, &setup, k);
         struct sv_picture picture;
