@@ -182,7 +182,8 @@ static const struct sv_field table[SV_FIELD_COUNT] = {
                                     .min = 256,
                                     .max = 2048,
                                     .help =
-                                        "Overrides the scene's relief resolution (texels over 90 degrees)."},
+                                        "Overrides the relief resolution (texels over 90 degrees), which is the scene's, halved "
+                                        "while that is enough for the picture."},
     [SV_FIELD_SHADOWS] =
         {.type = SV_FIELD_SWITCH,
          .unit = "",

@@ -15,29 +15,6 @@
 #include "core/truth/texture.h"
 #include "core/truth/truth_private.h"
 
-struct caster {
-    const struct sv_truth *truth;
-    const struct sv_light *light;
-    const struct sv_truth_options *options;
-    const struct sv_camera *camera;
-    RTCScene scenes[SV_TRUTH_LAYERS]; /* NULL: nothing is there */
-    struct sv_vec3 eye_local;
-    double pixel_angle; /* size of a pixel at depth 1: what the ground's detail fades by */
-};
-
-struct hit {
-    bool any;
-    bool terrain;
-    double depth_m;
-    struct sv_vec3 local;  /* place */
-    struct sv_vec3 normal; /* shading normal, unit, turned to the viewer on trees and objects */
-    float albedo[3], occlusion, translucency;
-    float open; /* share of the sun that the tree's own crown is taken to let through, where no shadow is cast
-                 */
-    bool leaf;
-    uint32_t id;
-};
-
 static void set_ray(struct RTCRay *ray, struct sv_vec3 origin, struct sv_vec3 direction, double t_min)
 {
     ray->org_x = (float)origin.x;
@@ -64,13 +41,13 @@ static void refuse_gone(const struct RTCFilterFunctionNArguments *args)
 }
 
 /* The context of a ray through the first layer; the second one has nothing to refuse. */
-static void start_ray(const struct sv_truth *truth, struct sv_vec3 origin, struct sv_vec3 direction,
+static void start_ray(const uint8_t *gone, struct sv_vec3 origin, struct sv_vec3 direction,
                       struct sv_truth_ray *ray)
 {
     rtcInitIntersectContext(&ray->patch.embree);
-    ray->patch.embree.filter = truth->gone ? refuse_gone : NULL;
+    ray->patch.embree.filter = gone ? refuse_gone : NULL;
     ray->patch.ray = (struct sv_patch_ray){origin, direction};
-    ray->gone = truth->gone;
+    ray->gone = gone;
 }
 
 static struct sv_vec3 model_normal(const struct sv_tree_vertex *v)
@@ -78,8 +55,8 @@ static struct sv_vec3 model_normal(const struct sv_tree_vertex *v)
     return sv_vec3(v->normal[0], v->normal[1], v->normal[2]);
 }
 
-static void mesh_hit(const struct caster *caster, const struct sv_truth_layer *layer, const struct RTCHit *h,
-                     struct sv_vec3 direction, struct hit *hit)
+static void mesh_hit(const struct sv_truth_caster *caster, const struct sv_truth_layer *layer, const struct RTCHit *h,
+                     struct sv_vec3 direction, struct sv_truth_hit *hit)
 {
     const struct sv_standing *standing = &layer->standing[h->instID[0]];
     double rotation_rad = (double)standing->rotation_rad;
@@ -111,25 +88,25 @@ static void mesh_hit(const struct caster *caster, const struct sv_truth_layer *l
     hit->translucency = material->translucency;
 }
 
-static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_vec3 direction,
-                 struct hit *hit)
+static void cast(const struct sv_truth_caster *caster, struct sv_vec3 origin, struct sv_vec3 direction,
+                 struct sv_truth_hit *hit)
 {
     const struct sv_truth *truth = caster->truth;
     struct sv_truth_ray context;
-    start_ray(truth, origin, direction, &context);
+    start_ray(caster->gone, origin, direction, &context);
     context.patch.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
     struct RTCRayHit rh;
     set_ray(&rh.ray, origin, direction,
             caster->camera->projection == SV_PROJECTION_PERSPECTIVE ? caster->camera->near_m : 0);
     rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    const struct sv_truth_layer *layer = &truth->layers[0];
+    const struct sv_truth_layer *layer = caster->seen[0];
     rtcIntersect1(caster->scenes[0], &context.patch.embree, &rh);
     if (caster->scenes[1]) {
         float before = rh.ray.tfar;
         context.patch.embree.filter = NULL;
         rtcIntersect1(caster->scenes[1], &context.patch.embree, &rh);
-        layer = rh.ray.tfar < before ? &truth->layers[1] : layer;
+        layer = rh.ray.tfar < before ? caster->seen[1] : layer;
     }
     memset(hit, 0, sizeof *hit);
     hit->any = rh.hit.geomID != RTC_INVALID_GEOMETRY_ID;
@@ -153,7 +130,7 @@ static void cast(const struct caster *caster, struct sv_vec3 origin, struct sv_v
 
 /* 1 where the sun is seen from the hit, else 0; without shadows what the crown lets through on the average.
  */
-static float sun_visible(const struct caster *caster, const struct hit *hit)
+static float sun_visible(const struct sv_truth_caster *caster, const struct sv_truth_hit *hit)
 {
     if (!caster->options->shadows)
         return hit->open;
@@ -165,17 +142,17 @@ static float sun_visible(const struct caster *caster, const struct hit *hit)
         sv_dot(hit->normal, caster->light->to_sun) >= 0 ? hit->normal : sv_scale(hit->normal, -1);
     struct sv_vec3 from = sv_madd(hit->local, side, off);
     struct sv_truth_ray context;
-    start_ray(caster->truth, from, caster->light->to_sun, &context);
+    start_ray(caster->truth->gone, from, caster->light->to_sun, &context);
     struct RTCRay ray;
     set_ray(&ray, from, caster->light->to_sun, off);
-    rtcOccluded1(caster->scenes[0], &context.patch.embree, &ray);
+    rtcOccluded1(caster->occluders[0], &context.patch.embree, &ray);
     context.patch.embree.filter = NULL;
-    if (ray.tfar >= 0 && caster->scenes[1])
-        rtcOccluded1(caster->scenes[1], &context.patch.embree, &ray);
+    if (ray.tfar >= 0 && caster->occluders[1])
+        rtcOccluded1(caster->occluders[1], &context.patch.embree, &ray);
     return ray.tfar < 0 ? 0 : 1;
 }
 
-static void shade(const struct caster *caster, struct sv_vec3 direction, const struct hit *hit, float rgba[4])
+static void shade(const struct sv_truth_caster *caster, struct sv_vec3 direction, const struct sv_truth_hit *hit, float rgba[4])
 {
     struct sv_vec3 unit = sv_normalize(direction);
     rgba[3] = 1;
@@ -196,23 +173,31 @@ static void shade(const struct caster *caster, struct sv_vec3 direction, const s
         sv_light_air(caster->light, sv_length(sv_sub(hit->local, caster->eye_local)), rgba);
 }
 
-static void pixel_color(const struct caster *caster, int i, int j, uint8_t out[4])
+/* Each sample is what a display of one sample would show: clipped, so that a glint does not outshine its
+ * pixel. */
+void sv_truth_sample(const struct sv_truth_caster *caster, double px, double py, struct sv_truth_hit *hit,
+                     float rgba[4])
+{
+    struct sv_vec3 origin, direction;
+    sv_camera_ray(caster->camera, px, py, &origin, &direction);
+    cast(caster, sv_add(caster->eye_local, origin), direction, hit);
+    shade(caster, direction, hit, rgba);
+    for (int c = 0; c < 3; c++)
+        rgba[c] = fminf(rgba[c], 1.0f) * rgba[3];
+}
+
+static void pixel_color(const struct sv_truth_caster *caster, int i, int j, uint8_t out[4])
 {
     float sum[4] = {0};
     int samples = caster->options->samples;
     for (int k = 0; k < samples; k++) {
         double dx, dy;
         sv_camera_sample_offset(samples, k, &dx, &dy);
-        struct sv_vec3 origin, direction;
-        sv_camera_ray(caster->camera, i + 0.5 + dx, j + 0.5 + dy, &origin, &direction);
-        struct hit hit;
-        cast(caster, sv_add(caster->eye_local, origin), direction, &hit);
+        struct sv_truth_hit hit;
         float rgba[4];
-        shade(caster, direction, &hit, rgba);
-        /* Each sample is what a display of one sample would show: clipped, so that a glint does not outshine
-         * its pixel. */
+        sv_truth_sample(caster, i + 0.5 + dx, j + 0.5 + dy, &hit, rgba);
         for (int c = 0; c < 3; c++)
-            sum[c] += fminf(rgba[c], 1.0f) * rgba[3];
+            sum[c] += rgba[c];
         sum[3] += rgba[3];
     }
     for (int c = 0; c < 3; c++)
@@ -220,12 +205,12 @@ static void pixel_color(const struct caster *caster, int i, int j, uint8_t out[4
     out[3] = (uint8_t)lrintf(sum[3] * 255.0f / (float)samples);
 }
 
-static void pixel_layers(const struct caster *caster, int i, int j, struct sv_truth_picture *picture)
+static void pixel_layers(const struct sv_truth_caster *caster, int i, int j, struct sv_truth_picture *picture)
 {
     unsigned layers = caster->options->layers;
     struct sv_vec3 origin, direction;
     sv_camera_ray(caster->camera, i + 0.5, j + 0.5, &origin, &direction);
-    struct hit hit;
+    struct sv_truth_hit hit;
     cast(caster, sv_add(caster->eye_local, origin), direction, &hit);
     size_t at = (size_t)j * (size_t)caster->camera->width + (size_t)i;
     if (layers & 1u << SV_LAYER_DEPTH)
@@ -240,6 +225,24 @@ static void pixel_layers(const struct caster *caster, int i, int j, struct sv_tr
         ((uint32_t *)picture->id.data)[at] = hit.any ? hit.id : SV_ID_SKY;
 }
 
+void sv_truth_caster_init(const struct sv_truth *truth, const struct sv_camera *camera,
+                          const struct sv_light *light, const struct sv_truth_options *options,
+                          struct sv_truth_caster *caster)
+{
+    *caster = (struct sv_truth_caster){.truth = truth,
+                                       .light = light,
+                                       .options = options,
+                                       .camera = camera,
+                                       .gone = truth->gone,
+                                       .eye_local = sv_sub(camera->eye, truth->origin),
+                                       .pixel_angle = 1 / sv_camera_focal_px(camera)};
+    for (int k = 0; k < SV_TRUTH_LAYERS; k++) {
+        const struct sv_truth_layer *layer = &truth->layers[k];
+        caster->seen[k] = layer;
+        caster->scenes[k] = caster->occluders[k] = options->trees ? layer->full : layer->bare;
+    }
+}
+
 enum sv_status sv_truth_render(const struct sv_truth *truth, const struct sv_camera *camera,
                                const struct sv_light *light, const struct sv_truth_options *options,
                                struct sv_truth_picture *picture, struct sv_error *error)
@@ -248,10 +251,8 @@ enum sv_status sv_truth_render(const struct sv_truth *truth, const struct sv_cam
         options->row_first + options->row_count > camera->height)
         return sv_fail(error, SV_EINVAL, "rows", "%d + %d is outside 0..%d", options->row_first,
                        options->row_count, camera->height);
-    struct caster caster = {truth, light, options, camera, {NULL}, sv_sub(camera->eye, truth->origin), 0};
-    for (int k = 0; k < SV_TRUTH_LAYERS; k++)
-        caster.scenes[k] = options->trees ? truth->layers[k].full : truth->layers[k].bare;
-    caster.pixel_angle = 1 / sv_camera_focal_px(camera);
+    struct sv_truth_caster caster;
+    sv_truth_caster_init(truth, camera, light, options, &caster);
     unsigned centre = options->layers & ~(1u << SV_LAYER_COLOR);
     /* Embree wants denormals flushed while it traces; the caller's mode comes back afterwards. */
     unsigned mode = _mm_getcsr();

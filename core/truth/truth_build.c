@@ -123,17 +123,21 @@ static RTCGeometry make_instance(const struct sv_truth *truth, const struct sv_m
     return g;
 }
 
+static void attach_tree(const struct sv_truth *truth, struct sv_truth_layer *layer, const struct sv_tree *tree,
+                        uint32_t k)
+{
+    const struct sv_mesh_scene *mesh = truth->species[tree->species];
+    RTCGeometry g = make_instance(truth, mesh, tree_stance(tree));
+    rtcAttachGeometryByID(layer->full, g, k);
+    rtcReleaseGeometry(g);
+    layer->standing[k] = (struct sv_standing){mesh, tree->rotation_rad, SV_ID_TREE_FIRST + tree->number};
+}
+
 static void attach_trees(struct sv_truth *truth, struct sv_truth_layer *layer, const struct sv_tree *trees,
                          uint32_t count)
 {
-    for (uint32_t k = 0; k < count; k++) {
-        const struct sv_tree *tree = &trees[k];
-        const struct sv_mesh_scene *mesh = truth->species[tree->species];
-        RTCGeometry g = make_instance(truth, mesh, tree_stance(tree));
-        rtcAttachGeometryByID(layer->full, g, k);
-        rtcReleaseGeometry(g);
-        layer->standing[k] = (struct sv_standing){mesh, tree->rotation_rad, SV_ID_TREE_FIRST + tree->number};
-    }
+    for (uint32_t k = 0; k < count; k++)
+        attach_tree(truth, layer, &trees[k], k);
 }
 
 static void attach_objects(struct sv_truth *truth, struct sv_truth_layer *layer, uint32_t first)
@@ -213,6 +217,29 @@ static enum sv_status build_first(struct sv_truth *truth, struct sv_error *error
     rtcCommitScene(layer->full);
     rtcCommitScene(layer->bare);
     return SV_OK;
+}
+
+enum sv_status sv_truth_layer_of_trees(const struct sv_truth *truth, const uint32_t *trees, uint32_t count,
+                                       struct sv_truth_layer *layer, struct sv_error *error)
+{
+    struct device_error problem = {RTC_ERROR_NONE, ""};
+    *layer = (struct sv_truth_layer){.standing = calloc((size_t)count + 1, sizeof *layer->standing),
+                                     .count = count,
+                                     .full = rtcNewScene(truth->device)};
+    if (!layer->standing || !layer->full) {
+        sv_truth_layer_release(layer);
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory for %u ray-cast instances", count);
+    }
+    rtcSetDeviceErrorFunction(truth->device, note_error, &problem);
+    for (uint32_t k = 0; k < count; k++)
+        attach_tree(truth, layer, &truth->scene->forest.trees[trees[k]], k);
+    rtcCommitScene(layer->full);
+    rtcSetDeviceErrorFunction(truth->device, NULL, NULL);
+    if (problem.code == RTC_ERROR_NONE)
+        return SV_OK;
+    sv_truth_layer_release(layer);
+    return sv_fail(error, problem.code == RTC_ERROR_OUT_OF_MEMORY ? SV_ENOMEM : SV_EINTERNAL, "embree",
+                   "error %d while building: %s", (int)problem.code, problem.text);
 }
 
 /* Runs a step with Embree's errors caught. */
@@ -311,7 +338,7 @@ static enum sv_status choose_later(struct sv_truth *truth, const struct sv_truth
     return SV_OK;
 }
 
-static void release_layer(struct sv_truth_layer *layer)
+void sv_truth_layer_release(struct sv_truth_layer *layer)
 {
     if (layer->full)
         rtcReleaseScene(layer->full);
@@ -325,7 +352,7 @@ static enum sv_status build_later(struct sv_truth *truth, struct sv_error *error
 {
     struct sv_truth_layer *layer = &truth->layers[1];
     uint32_t objects = truth->objects_later ? (uint32_t)truth->scene->object_count : 0;
-    release_layer(layer);
+    sv_truth_layer_release(layer);
     enum sv_status status = build_meshes(truth, error);
     if (status || truth->later_count + objects == 0)
         return status;
@@ -364,7 +391,7 @@ void sv_truth_destroy(struct sv_truth *truth)
     if (!truth)
         return;
     for (int k = 0; k < SV_TRUTH_LAYERS; k++)
-        release_layer(&truth->layers[k]);
+        sv_truth_layer_release(&truth->layers[k]);
     release_meshes(truth->species, truth->scene->species_count);
     release_meshes(truth->models, truth->model_count);
     if (truth->device)

@@ -58,6 +58,47 @@ struct sv_truth_ray {
     const uint8_t *gone;
 };
 
+/* What the rays of one picture share. */
+struct sv_truth_caster {
+    const struct sv_truth *truth;
+    const struct sv_light *light;
+    const struct sv_truth_options *options; /* shadows and sky of it */
+    const struct sv_camera *camera;
+    const struct sv_truth_layer *seen[SV_TRUTH_LAYERS]; /* what rays from the eye meet stands in these, */
+    RTCScene scenes[SV_TRUTH_LAYERS];                   /* in these scenes; NULL: nothing is there */
+    RTCScene occluders[SV_TRUTH_LAYERS];                /* what keeps the sun off */
+    const uint8_t *gone;                                /* for rays from the eye */
+    struct sv_vec3 eye_local;
+    double pixel_angle; /* size of a pixel at depth 1: what the ground's detail fades by */
+};
+
+struct sv_truth_hit {
+    bool any;
+    bool terrain;
+    double depth_m;
+    struct sv_vec3 local;  /* place */
+    struct sv_vec3 normal; /* shading normal, unit, turned to the viewer on trees and objects */
+    float albedo[3], occlusion, translucency;
+    float open; /* share of the sun that the tree's own crown is taken to let through, where no shadow is cast
+                 */
+    bool leaf;
+    uint32_t id;
+};
+
+/* Of the whole scene; options->trees: with its trees. Borrows all. */
+void sv_truth_caster_init(const struct sv_truth *truth, const struct sv_camera *camera,
+                          const struct sv_light *light, const struct sv_truth_options *options,
+                          struct sv_truth_caster *caster);
+/* One ray through a place of the picture, px; rgba: premultiplied, linear, at most 1. */
+void sv_truth_sample(const struct sv_truth_caster *caster, double px, double py, struct sv_truth_hit *hit,
+                     float rgba[4]);
+
+/* A layer of these trees alone, to be looked at: only `full` is made. SV_ENOMEM, SV_EINTERNAL. */
+SV_MUST_CHECK enum sv_status sv_truth_layer_of_trees(const struct sv_truth *truth, const uint32_t *trees,
+                                                     uint32_t count, struct sv_truth_layer *layer,
+                                                     struct sv_error *error);
+void sv_truth_layer_release(struct sv_truth_layer *layer);
+
 /* Texture coordinates at a hit. */
 void sv_leaf_mask_uv(const struct sv_leaf_mask *mask, unsigned triangle, float u, float v, float uv[2]);
 

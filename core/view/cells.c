@@ -22,7 +22,6 @@
 
 /* Leaves of trees this near are pixels large: more samples cost more than they mend. */
 enum { NEAR_LEAF_SAMPLES = 1 };
-enum { PINS_MAX = (SV_CELL_RINGS_MAX + 1) * SV_CELL_FACES };
 enum held { HELD_NOT, HELD_SHARED, HELD_OWN };
 
 /* Panels that a view is drawn from. */
@@ -47,7 +46,7 @@ struct sv_cells {
     float (*light)[4];
     uint8_t (*rgba)[4]; /* ground and sky */
     uint8_t *hidden;
-    struct seen seen[PINS_MAX];
+    struct seen seen[SV_CELLS_PANELS_MAX];
     int seen_count;
 };
 
@@ -223,18 +222,23 @@ static enum sv_status reserve(struct sv_cells *c, const struct sv_cell_cache_lab
     return SV_OK;
 }
 
-static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
-                            bool must, struct seen *s, struct sv_error *error)
+static struct sv_panels_order order_of(const struct frame *f, const struct sv_cell_cache_label *label)
 {
-    double since = now(c);
-    struct sv_panels_order order = {.about = {.key = label->key,
+    return (struct sv_panels_order){.about = {.key = label->key,
                                               .place = label->parts.place,
                                               .distance_m = label->shell.distance_m,
                                               .face = label->parts.face,
                                               .size = f->size,
-                                              .layers = s->layer},
+                                              .layers = (unsigned)label->parts.layer},
                                     .shell = label->shell,
                                     .view = f->view};
+}
+
+static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
+                            bool must, struct seen *s, struct sv_error *error)
+{
+    double since = now(c);
+    struct sv_panels_order order = order_of(f, label);
     enum sv_status status = sv_panels_size(c->panels, &order, &order.about.size, error);
     if (status)
         return status;
@@ -280,14 +284,19 @@ static void want(struct sv_cells *c, const struct frame *f, int ring, double dis
             c->seen[c->seen_count++] = (struct seen){.ring = ring, .face = (enum sv_cell_face)face, .layer = layer};
 }
 
-/* What others are building is left for the end: two processes that want the same panels share the work. */
-static enum sv_status obtain_all(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+static void want_all(struct sv_cells *c, const struct frame *f)
 {
-    enum sv_status status = SV_OK;
     if (f->ground_ring >= 0)
         want(c, f, f->ground_ring, f->at.rings.distance_m[f->ground_ring], SV_PANEL_GROUND);
     for (int ring = f->at.crowns_first; ring < f->at.rings.count && f->view->plan.draw_trees; ring++)
         want(c, f, ring, f->at.rings.distance_m[ring] / 2, SV_PANEL_CROWNS);
+}
+
+/* What others are building is left for the end: two processes that want the same panels share the work. */
+static enum sv_status obtain_all(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+{
+    enum sv_status status = SV_OK;
+    want_all(c, f);
     for (int round = 0; round < (f->ahead ? 1 : 2); round++)
         for (int k = 0; k < c->seen_count && !status; k++)
             if (c->seen[k].held == HELD_NOT)
@@ -321,7 +330,8 @@ static void band_planes(const struct sv_camera *camera, int first, int end, doub
     }
 }
 
-static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_error *error)
+/* Where the eye is among cells, and what all of its picture sees. */
+static enum sv_status look_around(struct sv_cells *c, struct frame *f, struct sv_error *error)
 {
     const struct sv_resolved_view *view = f->view;
     f->size = view->plan.relief_resolution;
@@ -330,6 +340,15 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
     f->ground_ring = sv_panels_free_ring(c->panels, &f->at.rings, f->at.chain);
     make_keys(c, f);
     sv_camera_planes(&view->camera, f->planes);
+    return SV_OK;
+}
+
+static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_error *error)
+{
+    const struct sv_resolved_view *view = f->view;
+    enum sv_status status = look_around(c, f, error);
+    if (status)
+        return status;
     band_planes(&view->camera, c->row_first, c->row_first + c->row_count, f->planes);
     f->report->ground_direct = f->ground_ring < 0;
     f->report->id = sv_cell_key(&f->at.rings, &(struct sv_cell_key_parts){.place = f->at.chain[f->at.crowns_first],
@@ -535,6 +554,25 @@ static void clear(struct sv_cells_report *report)
     *report = (struct sv_cells_report){0};
     for (int k = 0; k < SV_STAGE_COUNT; k++)
         report->ms[k] = -1;
+}
+
+enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_view *view,
+                               struct sv_cells_panel panels[SV_CELLS_PANELS_MAX], int *count,
+                               struct sv_error *error)
+{
+    struct sv_cells_report report;
+    struct frame f = {.view = view, .report = &report};
+    enum sv_status status = look_around(cells, &f, error);
+    if (status)
+        return status;
+    want_all(cells, &f);
+    for (int k = 0; k < cells->seen_count; k++) {
+        panels[k].label = label_of(&f, &cells->seen[k]);
+        panels[k].order = order_of(&f, &panels[k].label);
+    }
+    *count = cells->seen_count;
+    release(cells);
+    return SV_OK;
 }
 
 enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,

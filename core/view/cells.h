@@ -15,6 +15,7 @@
 
 #include "core/cell/cache.h"
 #include "core/view/direct.h"
+#include "core/view/panels.h"
 #include "core/view/picture.h"
 
 struct sv_cells;
@@ -60,5 +61,16 @@ SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct 
  * report->left tells how many that leaves. What the cache has no room for is not built. Errors of sv_panels_draw. */
 SV_MUST_CHECK enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
                                             struct sv_cells_report *report, struct sv_error *error);
+
+/* A panel as it is kept, and as it is drawn at full size. */
+struct sv_cells_panel {
+    struct sv_cell_cache_label label;
+    struct sv_panels_order order; /* borrows the view */
+};
+enum { SV_CELLS_PANELS_MAX = (SV_CELL_RINGS_MAX + 1) * SV_CELL_FACES };
+/* The panels that the whole of a view is drawn from, there or not, near ones first. */
+SV_MUST_CHECK enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_view *view,
+                                             struct sv_cells_panel panels[SV_CELLS_PANELS_MAX], int *count,
+                                             struct sv_error *error);
 
 #endif

@@ -7,6 +7,7 @@
 
 #include "core/base/color.h"
 #include "core/view/cells.h"
+#include "core/view/cells_refine.h"
 #include "core/view/direct.h"
 #include "core/truth/truth.h"
 
@@ -15,7 +16,9 @@ struct sv_renderer {
     struct sv_direct *direct;
     struct sv_truth *truth;
     struct sv_cells *cells; /* NULL: none */
+    struct sv_cells_refiner *refiner; /* NULL: not used yet */
     struct sv_cell_cache *cache;
+    unsigned slot; /* of cache */
     double direct_ms[SV_CELL_ADMIT_KINDS]; /* means; 0: not measured */
     struct sv_cells_report report; /* of the last view drawn from cells */
     sv_clock_ms clock;
@@ -25,6 +28,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
 {
     if (!renderer)
         return;
+    sv_cells_refiner_destroy(renderer->refiner);
     sv_truth_destroy(renderer->truth);
     sv_cells_destroy(renderer->cells);
     sv_direct_destroy(renderer->direct);
@@ -42,6 +46,7 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     enum sv_status status = sv_direct_create(scene, options->store, &r->direct, error);
     if (!status && options->cells) {
         r->cache = options->cells;
+        r->slot = options->cells_slot;
         struct sv_cells_options cells = {options->cells, options->cells_slot, options->clock};
         status = sv_cells_create(scene, r->direct, &cells, &r->cells, error);
     }
@@ -57,6 +62,7 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
 
 void sv_renderer_use_cells_slot(struct sv_renderer *renderer, int slot)
 {
+    renderer->slot = slot >= 0 ? (unsigned)slot : 0;
     if (renderer->cells && slot >= 0)
         sv_cells_use_slot(renderer->cells, (unsigned)slot);
     else
@@ -78,6 +84,27 @@ enum sv_status sv_renderer_build_cells(struct sv_renderer *renderer, const struc
     return status;
 }
 
+static enum sv_status want_truth(struct sv_renderer *r, struct sv_error *error)
+{
+    return r->truth ? SV_OK : sv_truth_create(r->scene, &r->truth, error);
+}
+
+enum sv_status sv_renderer_refine_cells(struct sv_renderer *renderer, const struct sv_view_request *request,
+                                        const struct sv_resolved_view *view,
+                                        const struct sv_cells_refine_options *options,
+                                        struct sv_cells_refine_report *report, struct sv_error *error)
+{
+    struct sv_renderer *r = renderer;
+    *report = (struct sv_cells_refine_report){0};
+    if (!r->cells || view->plan.relief == SV_RELIEF_OFF || !sv_cells_can(view, request->layers))
+        return SV_OK;
+    enum sv_status status = want_truth(r, error);
+    struct sv_cells_options cells = {r->cache, r->slot, r->clock};
+    if (!status && !r->refiner)
+        status = sv_cells_refiner_create(r->scene, r->truth, r->cells, &cells, &r->refiner, error);
+    return status ? status : sv_cells_refine(r->refiner, view, options, report, error);
+}
+
 enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error)
 {
     return sv_direct_warm_shadows(renderer->direct, error);
@@ -97,6 +124,8 @@ static enum sv_status change_truth(struct sv_renderer *r, const struct sv_scene_
 enum sv_status sv_renderer_change(struct sv_renderer *r, const struct sv_scene_delta *delta,
                                   struct sv_store *store, struct sv_error *error)
 {
+    if (r->refiner)
+        sv_cells_refiner_drop(r->refiner);
     enum sv_status status = sv_direct_change(r->direct, delta, store, error);
     return status ? status : change_truth(r, delta, error);
 }
@@ -272,11 +301,9 @@ static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_r
                                    struct sv_timings *timings, struct sv_error *error)
 {
     double since = now(r);
-    if (!r->truth) {
-        enum sv_status status = sv_truth_create(r->scene, &r->truth, error);
-        if (status)
-            return status;
-    }
+    enum sv_status status = want_truth(r, error);
+    if (status)
+        return status;
     struct sv_light light;
     sv_light_from_sun(&view->sun, &light);
     light.air = view->air;
@@ -289,7 +316,7 @@ static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_r
                                        .row_count = view->camera.height};
     struct sv_truth_picture out = {picture->layer[SV_LAYER_COLOR], picture->layer[SV_LAYER_DEPTH],
                                    picture->layer[SV_LAYER_NORMAL], picture->layer[SV_LAYER_ID]};
-    enum sv_status status = sv_truth_render(r->truth, &view->camera, &light, &options, &out, error);
+    status = sv_truth_render(r->truth, &view->camera, &light, &options, &out, error);
     stage(r, timings, SV_STAGE_NEAR, since);
     return status;
 }

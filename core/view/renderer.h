@@ -13,6 +13,8 @@ struct sv_tree_draw;
 struct sv_object_draw;
 struct sv_cell_cache;
 struct sv_cells_report;
+struct sv_cells_refine_options;
+struct sv_cells_refine_report;
 
 /* Monotonic milliseconds; given from above so that core has no clock of its own. */
 typedef double (*sv_clock_ms)(void);
@@ -43,6 +45,14 @@ SV_MUST_CHECK enum sv_status sv_renderer_build_cells(struct sv_renderer *rendere
                                                      const struct sv_view_request *request,
                                                      const struct sv_resolved_view *view, uint32_t most,
                                                      uint32_t *built, uint32_t *left, struct sv_error *error);
+/* Refines panels of cells that the view is drawn from (cells_refine.h); the ray-cast reference is built where it is
+ * not there yet. Nothing is refined for a view that cells cannot draw. */
+SV_MUST_CHECK enum sv_status sv_renderer_refine_cells(struct sv_renderer *renderer,
+                                                      const struct sv_view_request *request,
+                                                      const struct sv_resolved_view *view,
+                                                      const struct sv_cells_refine_options *options,
+                                                      struct sv_cells_refine_report *report,
+                                                      struct sv_error *error);
 /* Casts what the scene's own sun throws on all of the ground, as fine as takes a few seconds at most:
  * before forks, so that all share it. Pictures are the same without. */
 SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error);

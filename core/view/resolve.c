@@ -173,6 +173,21 @@ static const struct {
     [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 16},
 };
 
+/* Texels of a panel over 90 degrees: the scene's, halved as long as they are no larger than the picture's pixels at the
+ * panel's middle (2 F texels for F px of focal length). Finer ones would only be picked from, which is noise: of a
+ * forest at 128 x 128 px panels of 1024 are off by 3.6 of 255 in the mean, panels of 256 by 2.0. */
+static int relief_resolution(const struct sv_scene *scene, const struct sv_view_request *request)
+{
+    enum { LEAST = 256 };
+    int size = scene->relief_resolution;
+    double focal_px = request->height / (2 * tan(request->vfov_rad / 2));
+    if (request->relief_resolution > 0)
+        return request->relief_resolution;
+    while (size % 2 == 0 && size / 2 >= LEAST && size / 2 >= 2 * focal_px)
+        size /= 2;
+    return size;
+}
+
 static void resolve_plan(const struct sv_scene *scene, const struct sv_view_request *request, struct sv_plan *plan)
 {
     bool reference = request->quality == SV_QUALITY_REFERENCE;
@@ -180,7 +195,7 @@ static void resolve_plan(const struct sv_scene *scene, const struct sv_view_requ
     plan->draw_trees = request->trees != SV_TREES_NONE;
     plan->relief = request->relief;
     plan->relief_distance_m = request->relief_distance_m > 0 ? request->relief_distance_m : scene->relief_distance_m;
-    plan->relief_resolution = request->relief_resolution > 0 ? request->relief_resolution : scene->relief_resolution;
+    plan->relief_resolution = relief_resolution(scene, request);
     plan->relief_pitch = SV_VIEW_RINGS_PITCH;
     plan->shadows = request->shadows;
     plan->samples = request->samples ? request->samples : reference ? 16 : 1;

@@ -131,7 +131,7 @@ class Cells(Case):
         self.assertLess(off, 6)
         self.assertLess(2 * off, mean_difference(direct.body, bare.body))
         self.assertNotEqual(cell(d.get(target(relief_resolution=300)))[1], cell(cells)[1])
-        self.assertNotEqual(cell(d.get(target(relief_distance=100)))[1], cell(cells)[1])
+        self.assertNotEqual(cell(d.get(target(relief_distance=70)))[1], cell(cells)[1])
 
     def test_auto_takes_what_is_there(self):
         d = self.start()

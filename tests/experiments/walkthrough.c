@@ -1,12 +1,15 @@
 /* walkthrough.c - the forest of table 2 walked through, flown over and jumped about in, drawn from relief
  * cells, beside direct drawing and the one-sample ray cast of the same poses.
  *
- *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,off,raycast]
- *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--warm] [--still] [-o FOLDER]
+ *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,off,raycast,four]
+ *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
+ *               [--warm] [--still] [-o FOLDER]
  *
  * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
  * kinds at random. --warm: the path is gone along once before it is measured; --still: the first pose again
- * and again. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth.
+ * and again. --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured.
+ * four: the ray cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast
+ * truth.
  *
  * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
  * frame, in all forms one after the other; frames a second are workers * 1000 / median ms, encoding left out.
@@ -29,9 +32,9 @@
 #include "tests/experiments/plot.h"
 
 enum path { FLIGHT, WALK, JUMP };
-enum form { ON, AUTO, OFF, RAYCAST, FORMS };
+enum form { ON, AUTO, OFF, RAYCAST, RAYCAST4, FORMS };
 static const char *const PATHS[] = {"flight", "walk", "jump"};
-static const char *const NAMES[] = {"on", "auto", "off", "raycast"};
+static const char *const NAMES[] = {"on", "auto", "off", "raycast", "four"};
 #define FRAMES_PER_S 30.0
 enum { FRAMES_MAX = 4096, COUNTS_MAX = 16, WORKERS_MAX = 2, SHEET_COLUMNS = 6 };
 
@@ -41,6 +44,8 @@ struct setup {
     int count_count;
     enum path path;
     int frames, width, height, truth_stride, workers;
+    int refine_samples, refine_scale; /* 0: panels stay as built */
+    int panel;                        /* texels a side; 0: the scene's */
     bool forms[FORMS], warm, still;
     const char *folder;
 };
@@ -68,8 +73,21 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
 static void dress(struct sv_view_request *request, enum form form)
 {
     request->relief = form == ON ? SV_RELIEF_ON : form == AUTO ? SV_RELIEF_AUTO : SV_RELIEF_OFF;
-    request->trees = form == RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
-    request->samples = 1;
+    request->trees = form >= RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
+    request->samples = form == RAYCAST4 ? 4 : 1;
+}
+
+static void refine(const struct forest *forest, const struct setup *setup, struct sv_view_request *request)
+{
+    request->relief_resolution = setup->panel;
+    if (!setup->refine_samples)
+        return;
+    struct sv_picture picture;
+    double ms;
+    forest_draw(forest, request, &picture, NULL, NULL, NULL);
+    sv_picture_finish(&picture);
+    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale, &ms);
+    printf("refined %u panels in %.1f s\n", count, ms * 1e-3);
 }
 
 /* One frame in one form; workers write them into memory that all share. */
@@ -100,6 +118,8 @@ static void draw_frame(const struct forest *forest, const struct setup *setup, i
     struct sv_picture picture;
     struct sv_draw_stats stats = {0};
     dress(&request, form);
+    if (form == ON)
+        refine(forest, setup, &request);
     forest_draw(forest, &request, &picture, &stats, &to->ms, &to->cpu_ms);
     for (int stage = 0; stage < SV_STAGE_COUNT; stage++)
         to->stage_ms[stage] = forest_stage_ms((enum sv_stage)stage);
@@ -312,7 +332,10 @@ static bool run_count(const struct setup *setup, FILE *csv, double rate[FORMS])
 {
     struct forest forest;
     struct sv_error error = {0};
-    forest_open(setup->trees, setup->forms[RAYCAST] || setup->truth_stride > 0, &forest);
+    forest_open(setup->trees,
+                setup->forms[RAYCAST] || setup->forms[RAYCAST4] || setup->refine_samples ||
+                    setup->truth_stride > 0,
+                &forest);
     if (sv_view_warm(forest.renderer, forest.scene, 1u << SV_LAYER_COLOR, &error)) {
         fprintf(stderr, "warm: %s\n", error.message);
         return false;
@@ -379,6 +402,11 @@ static bool option(struct setup *setup, const char *name, const char *value)
         return (setup->workers = atoi(value)) >= 1 && setup->workers <= WORKERS_MAX;
     else if (strcmp(name, "--truth") == 0)
         setup->truth_stride = atoi(value);
+    else if (strcmp(name, "--panel") == 0)
+        return (setup->panel = atoi(value)) >= 16;
+    else if (strcmp(name, "--refine") == 0)
+        return sscanf(value, "%dx%d", &setup->refine_samples, &setup->refine_scale) >= 1 &&
+               setup->refine_samples >= 1 && setup->refine_scale >= 1;
     else if (strcmp(name, "-o") == 0)
         setup->folder = value;
     else if (strcmp(name, "--path") == 0) {
@@ -403,6 +431,7 @@ int main(int argc, char **argv)
                           .width = 512,
                           .height = 512,
                           .workers = 1,
+                          .refine_scale = 1,
                           .forms = {[ON] = true, [OFF] = true}};
     bool well = true;
     for (int k = 1; k < argc && well; k++) {
@@ -414,11 +443,9 @@ int main(int argc, char **argv)
             k++;
     }
     if (!well) {
-        fprintf(
-            stderr,
-            "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
-            "[--forms on,auto,off,raycast] [--size WxH] [--truth STRIDE] [--workers 1|2] [--warm] [--still] "
-            "[-o FOLDER]\n");
+        fprintf(stderr, "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
+                        "[--forms on,auto,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
+                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";

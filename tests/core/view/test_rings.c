@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "core/base/rng.h"
+#include "core/base/vec.h"
 #include "core/view/resolve.h"
 #include "core/view/rings.h"
 #include "tests/core/view/scene_kit.h"
@@ -72,8 +73,45 @@ static void cells_of_views(void **state)
     kit_free(scene);
 }
 
+/* Panels are as fine as the picture needs, and no finer than the scene's. */
+static void resolutions(void **state)
+{
+    (void)state;
+    static const struct {
+        int scene, height;
+        double vfov_deg;
+        int want;
+    } rows[] = {
+        {1024, 4096, 60, 1024}, {1024, 512, 60, 1024}, /* 2 F = 887 */
+        {1024, 256, 60, 512},   {1024, 128, 60, 256},  {1024, 16, 60, 256},
+        {2048, 512, 60, 1024},  {1024, 511, 90, 512},  {1024, 513, 90, 1024},
+        {777, 16, 60, 777},     {200, 16, 60, 200},    {1024, 16, 1, 1024}, /* 2 F = 1833 */
+    };
+    struct kit_options options = {.width = 65,
+                                  .height = 65,
+                                  .x0 = 5e5,
+                                  .y0 = 4e6,
+                                  .z0 = 100,
+                                  .dx = 5,
+                                  .dy = 5,
+                                  .relief_m = 20,
+                                  .seed = 3};
+    struct sv_scene *scene = kit_scene(&options);
+    for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
+        struct sv_view_request request = kit_request();
+        request.eye = (struct sv_place){.form = SV_PLACE_XY, .x = 500100, .y = 4000100, .agl = 2};
+        request.height = rows[k].height;
+        request.vfov_rad = sv_radians(rows[k].vfov_deg);
+        scene->relief_resolution = rows[k].scene;
+        assert_int_equal(resolve(scene, &request).plan.relief_resolution, rows[k].want);
+        request.relief_resolution = 333;
+        assert_int_equal(resolve(scene, &request).plan.relief_resolution, 333);
+    }
+    kit_free(scene);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(cells_of_views)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(cells_of_views), cmocka_unit_test(resolutions)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
