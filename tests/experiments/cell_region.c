@@ -400,7 +400,7 @@ static void report(const char *name, const struct rows *rows, const struct weigh
         tell("ground's holes", holes, seen, warped);
 }
 
-static bool run(const char *name, struct forest *forest, const struct setup *setup, struct weights *w,
+static void run(const char *name, struct forest *forest, const struct setup *setup, struct weights *w,
                 FILE *csv)
 {
     static struct rows rows;
@@ -413,7 +413,6 @@ static bool run(const char *name, struct forest *forest, const struct setup *set
     }
     report(name, &rows, w, csv);
     fflush(stdout);
-    return true;
 }
 
 static const char DEM[] =

@@ -12,7 +12,7 @@
  * truth.
  *
  * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
- * frame, in all forms one after the other; frames a second are workers * 1000 / median ms, encoding left out.
+ * frame, in all forms one after the other, from the first or, in turn, from the last; frames a second are workers * 1000 / median ms, encoding left out.
  * FOLDER: walkthrough.csv (a row a frame and form), pictures of the compared frames, plots of ms over frames
  * and of frames a second over the number of trees, and a contact sheet of the path (rows of cells, and of
  * direct drawing under each). */
@@ -150,9 +150,12 @@ static void work(const struct forest *forest, const struct setup *setup, int wor
         struct sv_image truth = {0};
         if (compare)
             forest_truth(forest, &request, &truth);
-        for (int form = 0; form < FORMS; form++)
+        for (int n = 0; n < FORMS;
+             n++) { /* who comes first pays for caches that the pose has not yet filled */
+            int form = k / setup->workers % 2 ? FORMS - 1 - n : n;
             if (setup->forms[form])
                 draw_frame(forest, setup, k, (enum form)form, compare ? &truth : NULL);
+        }
         if (compare)
             keep(setup, &truth, k, "truth");
         sv_image_free(&truth);
