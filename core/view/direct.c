@@ -1,5 +1,5 @@
 /* direct.c - see direct.h. */
-#include "core/view/direct_private.h"
+#include "core/view/direct.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -9,6 +9,7 @@
 #include "core/base/hash.h"
 #include "core/cell/panel_ground.h"
 #include "core/gl/frame.h"
+#include "core/view/direct_private.h"
 
 static void finish_target(struct direct_target *target)
 {
