@@ -62,7 +62,7 @@ static bool is_built(const struct sv_cells_refiner *r, const struct sv_cells_pan
     struct sv_cell_cache_panel pin;
     struct sv_panel built;
     struct sv_error ignored;
-    if (sv_cell_cache_find(r->options.cache, r->options.slot, panel->label.key, 0, now(r) * 1e-3,
+    if (sv_cell_cache_find(r->options.cache, r->options.slot, panel->label.key, r->scene->generation, now(r) * 1e-3,
                            &pin) != SV_CELL_CACHE_HIT)
         return false;
     bool well = !pin.refined && sv_panel_open(pin.data, pin.bytes, &built, &ignored) == SV_OK;
@@ -82,7 +82,7 @@ static enum sv_status begin(struct sv_cells_refiner *r, const struct sv_cells_pa
     int larger = size * options->scale;
     order.about.size = larger <= SV_PANEL_SIZE_MAX ? larger : size;
     r->bytes = sv_panel_bytes(order.about.size, order.about.layers);
-    if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, r->bytes, true, 0,
+    if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, r->bytes, true, r->scene->generation,
                               since * 1e-3, &r->pin) != SV_CELL_CACHE_GRANTED)
         return SV_OK;
     enum sv_status status = sv_panels_refine_begin(r->scene, r->truth, &order, options->samples,

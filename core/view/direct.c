@@ -416,6 +416,23 @@ enum sv_status sv_direct_sees_trees(struct sv_direct *r, const struct sv_resolve
     return status;
 }
 
+enum sv_status sv_direct_light(struct sv_direct *r, const struct sv_resolved_view *view,
+                               struct sv_cell_light *light, struct sv_error *error)
+{
+    struct sv_gl_frame frame;
+    bool shadows;
+    frame_of(view, 0, 0, &frame);
+    enum sv_status status = prepare_shadows(r, view, &frame, &shadows, error);
+    if (status)
+        return status;
+    *light = (struct sv_cell_light){0};
+    if (shadows)
+        light->to_sun = frame.light.to_sun;
+    if (shadows && r->shade && view->plan.draw_trees)
+        light->texel_m = sv_tree_shade_texel_m(r->shade);
+    return SV_OK;
+}
+
 enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resolved_view *view, bool sky,
                                       int row_first, int row_count, const float *depth, const uint8_t *hidden,
                                       uint8_t *rgba, struct sv_error *error)

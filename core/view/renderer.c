@@ -126,7 +126,11 @@ enum sv_status sv_renderer_change(struct sv_renderer *r, const struct sv_scene_d
     if (r->refiner)
         sv_cells_refiner_drop(r->refiner);
     enum sv_status status = sv_direct_change(r->direct, delta, store, error);
-    return status ? status : change_truth(r, delta, error);
+    if (!status)
+        status = change_truth(r, delta, error);
+    if (!status && r->cells)
+        sv_cells_changed(r->cells, &delta->change);
+    return status;
 }
 
 static double now(const struct sv_renderer *r)
