@@ -85,8 +85,8 @@ static enum sv_status begin(struct sv_cells_refiner *r, const struct sv_cells_pa
     if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, r->bytes, true, r->scene->generation,
                               since * 1e-3, &r->pin) != SV_CELL_CACHE_GRANTED)
         return SV_OK;
-    enum sv_status status = sv_panels_refine_begin(r->scene, r->truth, &order, options->samples,
-                                                   r->pin.data, r->pin.bytes, &r->refinement, error);
+    enum sv_status status = sv_panels_refine_begin(r->scene, r->truth, &order, options->samples, r->pin.data,
+                                                   r->pin.bytes, &r->refinement, error);
     if (status)
         sv_cell_cache_unpin(r->options.cache, r->options.slot, &r->pin);
     r->key = panel->label.key;
@@ -141,6 +141,7 @@ enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner, const struct sv
     for (int k = 0; k < count && !status; k++) {
         if (!is_built(r, &panels[k], &size))
             continue;
+        going = going && !(options->stop && options->stop(options->context));
         if (going)
             status = begin(r, &panels[k], size, options, error);
         if (going && !status && r->refinement) {
