@@ -20,6 +20,7 @@ struct sv_renderer {
     struct sv_cell_cache *cache;
     unsigned slot; /* of cache */
     double direct_ms[SV_CELL_ADMIT_KINDS]; /* means; 0: not measured */
+    struct sv_cells_report report; /* of the last view drawn from cells */
     sv_clock_ms clock;
 };
 
@@ -290,6 +291,7 @@ static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_req
     stats->cell.built = report.built;
     stats->cell.refined = report.refined;
     learn(r, view, &report, now(r) - since);
+    r->report = report;
     for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
         if (report.ms[k] >= 0)
             timings->ms[k] = fmax(timings->ms[k], 0) + report.ms[k];
@@ -351,6 +353,11 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
     }
     *out = picture;
     return SV_OK;
+}
+
+const struct sv_cells_report *sv_renderer_cells_report(const struct sv_renderer *renderer)
+{
+    return &renderer->report;
 }
 
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer)

@@ -12,6 +12,7 @@ struct sv_renderer;
 struct sv_tree_draw;
 struct sv_object_draw;
 struct sv_cell_cache;
+struct sv_cells_report;
 struct sv_cells_refine_options;
 struct sv_cells_refine_report;
 
@@ -62,6 +63,8 @@ SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *render
  * that wants it. After an error the renderer is of no use. Not while anything is drawn. */
 SV_MUST_CHECK enum sv_status sv_renderer_change(struct sv_renderer *renderer, const struct sv_scene_delta *delta,
                                                 struct sv_store *store, struct sv_error *error);
+/* What the last view that was drawn from cells was drawn with (cells.h); zeros before the first. Borrowed. */
+const struct sv_cells_report *sv_renderer_cells_report(const struct sv_renderer *renderer);
 /* The forest's drawing, for its sizes (sv_tree_draw_bytes); NULL when the scene has no trees. Borrowed. */
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer);
 /* The objects' drawing, for its sizes (sv_object_draw_relief_bytes); NULL when there are none. Borrowed. */

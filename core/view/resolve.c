@@ -196,6 +196,7 @@ static void resolve_plan(const struct sv_scene *scene, const struct sv_view_requ
     plan->relief = request->relief;
     plan->relief_distance_m = request->relief_distance_m > 0 ? request->relief_distance_m : scene->relief_distance_m;
     plan->relief_resolution = relief_resolution(scene, request);
+    plan->relief_pitch = SV_VIEW_RINGS_PITCH;
     plan->shadows = request->shadows;
     plan->samples = request->samples ? request->samples : reference ? 16 : 1;
     plan->terrain_error_px = quality_table[request->quality].terrain_error_px;

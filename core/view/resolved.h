@@ -25,6 +25,7 @@ struct sv_plan {
     enum sv_relief_mode relief; /* whether from relief panels: as asked */
     double relief_distance_m;   /* of the outermost ring of panels */
     int relief_resolution;      /* texels of a panel over 90 degrees */
+    double relief_pitch;        /* lattice step of cells over their distance */
 };
 
 struct sv_resolved_view {

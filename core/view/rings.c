@@ -14,7 +14,7 @@ bool sv_view_rings(const struct sv_resolved_view *view, struct sv_view_rings *ri
     /* V at the tops of cells (design.md 6) opens no holes in the ground, but crowns, a texel of which is a crown and what
      * is seen through it, come apart: from 0.4 D above, skylines grew solid. So V is in the middle. */
     struct sv_view_rings r = {.top = false};
-    sv_cell_rings_make(view->plan.relief_distance_m * OUTWARD, GROUND_INNER_M, SV_VIEW_RINGS_PITCH, &r.rings);
+    sv_cell_rings_make(view->plan.relief_distance_m * OUTWARD, GROUND_INNER_M, view->plan.relief_pitch, &r.rings);
     if (!sv_cell_chain(&r.rings, view->camera.eye, r.top, r.chain))
         return false;
     while (r.crowns_first < r.rings.count - 1 && r.rings.distance_m[r.crowns_first] < CROWNS_INNER_M)
