@@ -168,7 +168,7 @@ static const struct sv_field table[SV_FIELD_COUNT] = {
                          .unit = "",
                          .choices = reliefs,
                          .preset = "auto",
-                         .unbuilt_choices = 1u << SV_RELIEF_ON | 1u << SV_RELIEF_PAPER,
+                         .unbuilt_choices = 1u << SV_RELIEF_ON,
                          .help = "How far scenery is drawn: off draws everything directly."},
     [SV_FIELD_RELIEF_DISTANCE] = {.type = SV_FIELD_NUMBER,
                                   .unit = "m",

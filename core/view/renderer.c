@@ -7,6 +7,7 @@
 
 #include "core/base/color.h"
 #include "core/view/cells.h"
+#include "core/view/cells_paper.h"
 #include "core/view/direct.h"
 #include "core/truth/truth.h"
 
@@ -14,7 +15,8 @@ struct sv_renderer {
     const struct sv_scene *scene;
     struct sv_direct *direct;
     struct sv_truth *truth;
-    struct sv_cells *cells; /* NULL: none */
+    struct sv_cells *cells;       /* NULL: none */
+    struct sv_cells_paper *paper; /* NULL: not asked for yet */
     sv_clock_ms clock;
 };
 
@@ -24,6 +26,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
         return;
     sv_truth_destroy(renderer->truth);
     sv_cells_destroy(renderer->cells);
+    sv_cells_paper_destroy(renderer->paper);
     sv_direct_destroy(renderer->direct);
     free(renderer);
 }
@@ -164,16 +167,41 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
     return status;
 }
 
+static void add_stages(const double ms[SV_STAGE_COUNT], struct sv_timings *timings)
+{
+    for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
+        if (ms[k] >= 0)
+            timings->ms[k] = fmax(timings->ms[k], 0) + ms[k];
+}
+
 static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_request *request,
                                  const struct sv_resolved_view *view, struct sv_picture *picture,
-                                 struct sv_timings *timings, struct sv_draw_stats *stats, struct sv_error *error)
+                                 struct sv_timings *timings, struct sv_draw_stats *stats,
+                                 struct sv_error *error)
 {
     struct sv_cells_report report;
     enum sv_status status = sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, true,
                                           picture->layer[SV_LAYER_COLOR].data, &report, stats, error);
-    for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
-        if (report.ms[k] >= 0)
-            timings->ms[k] = fmax(timings->ms[k], 0) + report.ms[k];
+    add_stages(report.ms, timings);
+    if (!status && !request->sky)
+        straighten(&picture->layer[SV_LAYER_COLOR]);
+    return status;
+}
+
+static enum sv_status draw_paper(struct sv_renderer *r, const struct sv_view_request *request,
+                                 const struct sv_resolved_view *view, struct sv_picture *picture,
+                                 struct sv_timings *timings, struct sv_draw_stats *stats,
+                                 struct sv_error *error)
+{
+    struct sv_cells_paper_report report;
+    enum sv_status status = SV_OK;
+    if (!r->paper)
+        status = sv_cells_paper_create(r->scene, r->direct, r->clock, &r->paper, error);
+    if (status)
+        return status;
+    status = sv_cells_paper_draw(r->paper, view, request->sky, picture->layer[SV_LAYER_COLOR].data, &report,
+                                 stats, error);
+    add_stages(report.ms, timings);
     if (!status && !request->sky)
         straighten(&picture->layer[SV_LAYER_COLOR]);
     return status;
@@ -214,10 +242,14 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
     struct sv_picture picture = {0};
     struct sv_draw_stats own = {0};
     enum sv_status status = sv_picture_alloc(&view->camera, request->layers, &picture, error);
-    bool cells = renderer->cells && view->plan.relief == SV_RELIEF_ON && sv_cells_can(view, request->layers);
+    bool can = sv_cells_can(view, request->layers);
+    bool cells = can && renderer->cells && view->plan.relief == SV_RELIEF_ON;
+    bool paper = can && view->plan.relief == SV_RELIEF_PAPER;
     if (!status)
         status = view->plan.raycast ? draw_raycast(renderer, request, view, &picture, timings, error)
                  : cells ? draw_cells(renderer, request, view, &picture, timings, stats ? stats : &own, error)
+                 : paper
+                     ? draw_paper(renderer, request, view, &picture, timings, stats ? stats : &own, error)
                      : draw_raster(renderer, request, view, &picture, timings, stats ? stats : &own, error);
     if (status) {
         sv_picture_finish(&picture);

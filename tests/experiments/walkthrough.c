@@ -1,7 +1,7 @@
 /* walkthrough.c - the forest of table 2 walked through, flown over and jumped about in, drawn from relief
- * cells, beside direct drawing and the one-sample ray cast of the same poses.
+ * cells, beside paper 1's own way, direct drawing and the one-sample ray cast of the same poses.
  *
- *   walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] [--size N]
+ *   walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,paper,off,raycast] [--size N]
  * [--truth STRIDE]
  *               [--warm] [--still] [-o FOLDER]
  *
@@ -18,9 +18,9 @@
 #include "tests/experiments/forest_kit.h"
 
 enum path { FLIGHT, WALK, JUMP };
-enum form { ON, OFF, RAYCAST, FORMS };
+enum form { ON, PAPER, OFF, RAYCAST, FORMS };
 static const char *const PATHS[] = {"flight", "walk", "jump"};
-static const char *const NAMES[] = {"on", "off", "raycast"};
+static const char *const NAMES[] = {"on", "paper", "off", "raycast"};
 #define FRAMES_PER_S 30.0
 enum { FRAMES_MAX = 4096 };
 
@@ -52,7 +52,9 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
 
 static void dress(struct sv_view_request *request, enum form form)
 {
-    request->relief = form == ON ? SV_RELIEF_ON : SV_RELIEF_OFF;
+    static const enum sv_relief_mode reliefs[FORMS] = {SV_RELIEF_ON, SV_RELIEF_PAPER, SV_RELIEF_OFF,
+                                                       SV_RELIEF_OFF};
+    request->relief = reliefs[form];
     request->trees = form == RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
     request->samples = 1;
 }
@@ -152,7 +154,7 @@ static bool option(struct setup *setup, const char *name, const char *value)
 
 int main(int argc, char **argv)
 {
-    struct setup setup = {.trees = 45000, .frames = 60, .size = 512, .forms = {true, true, false}};
+    struct setup setup = {.trees = 45000, .frames = 60, .size = 512, .forms = {[ON] = true, [OFF] = true}};
     struct forest forest;
     bool well = true;
     for (int k = 1; k < argc && well; k++) {
@@ -166,8 +168,8 @@ int main(int argc, char **argv)
     if (!well) {
         fprintf(
             stderr,
-            "usage: walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,off,raycast] "
-            "[--size N] [--truth STRIDE] [--warm] [--still] [-o FOLDER]\n");
+            "usage: walkthrough [--count N] [--path flight|walk|jump] [--frames N] "
+            "[--forms on,paper,off,raycast] [--size N] [--truth STRIDE] [--warm] [--still] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
@@ -184,10 +186,13 @@ int main(int argc, char **argv)
                  "gradient\n");
     forest_use_cells((size_t)4 << 30);
     forest_open(setup.trees, setup.forms[RAYCAST] || setup.truth_stride > 0, &forest);
-    for (int k = 0; k < setup.frames && setup.warm && setup.forms[ON]; k++) {
-        struct sv_view_request request = pose(&forest, &setup, k);
+    for (int k = 0; k < 2 * setup.frames && setup.warm; k++) {
+        enum form form = k < setup.frames ? ON : PAPER;
+        struct sv_view_request request = pose(&forest, &setup, k % setup.frames);
         struct sv_picture picture;
-        dress(&request, ON);
+        if (!setup.forms[form])
+            continue;
+        dress(&request, form);
         forest_draw(&forest, &request, &picture, NULL, NULL, NULL);
         sv_picture_finish(&picture);
     }
