@@ -168,10 +168,9 @@ static const struct sv_field table[SV_FIELD_COUNT] = {
                          .unit = "",
                          .choices = reliefs,
                          .preset = "auto",
-                         .unbuilt_choices = 1u << SV_RELIEF_PAPER,
                          .help = "How far scenery is drawn: on from relief panels of the eye's cells, which are "
                                  "built where they are missing; off directly; auto from panels that are there, or "
-                                 "that pay."},
+                                 "that pay; paper as Koiso and Nishita do it, for comparison."},
     [SV_FIELD_RELIEF_DISTANCE] = {.type = SV_FIELD_NUMBER,
                                   .unit = "m",
                                   .min = 25,

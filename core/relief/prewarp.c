@@ -65,6 +65,32 @@ enum sv_status sv_prewarp_perspective(const struct sv_relief_frame *frame, struc
     return status;
 }
 
+enum sv_status sv_prewarp_panel(const struct sv_relief_frame *frame, struct sv_vec3 reference,
+                                struct sv_vec3 eye, struct sv_prewarp *prewarp, struct sv_error *error)
+{
+    struct sv_prewarp at_v = {0}, made = {0};
+    enum sv_status status = sv_prewarp_perspective(frame, reference, &at_v, error);
+    if (!status)
+        status = sv_prewarp_perspective(frame, eye, &made, error);
+    if (status)
+        return status;
+    if (at_v.behind || made.behind)
+        return sv_fail(error, SV_EINVAL, at_v.behind ? "reference" : "eye", "is behind the panel");
+    double k3 = made.k[2];
+    made.k[2] = k3 - at_v.k[2]; /* + 1/D */
+    made.outward = made.k[2] > 0;
+    for (int i = 0; i < 2; i++) {
+        double moved = (made.epipole[i] - at_v.epipole[i]) * k3;
+        made.k[i] = moved + at_v.epipole[i] * made.k[2];
+        double away = made.k[2] != 0 ? moved / made.k[2] : moved == 0 ? 0 : -copysign(INFINITY, moved);
+        made.epipole[i] = at_v.epipole[i] + away;
+    }
+    status = check_range(&made, error);
+    if (!status)
+        *prewarp = made;
+    return status;
+}
+
 enum sv_status sv_prewarp_parallel(const struct sv_relief_frame *frame, struct sv_vec3 direction,
                                    struct sv_prewarp *prewarp, struct sv_error *error)
 {

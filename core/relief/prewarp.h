@@ -44,6 +44,7 @@ struct sv_prewarp {
     double near;       /* smallest tau = 1 + k3 displ that is drawn, > 0 */
     double epipole[2]; /* (eu, ev), texels; parallel: +-INFINITY, or 0 where texels do not move that way */
     bool behind;       /* the eye is on the side that f points away from: small displ are the near ones */
+    bool outward;      /* a panel whose eye has moved back: what is farther from e is nearer */
 };
 
 /* SV_EINVAL, naming the angle, when the eye is in the plane (|c.f| below SV_PREWARP_SINE_MIN of |c|, or of a
@@ -52,6 +53,20 @@ struct sv_prewarp {
  */
 SV_MUST_CHECK enum sv_status sv_prewarp_perspective(const struct sv_relief_frame *frame, struct sv_vec3 eye,
                                                     struct sv_prewarp *prewarp, struct sv_error *error);
+/* A panel of a cell (paper 1, section 5): texel (u, v) is what the reference point V, D = -(O - V).f > 0 in
+ * front of the plane, sees through (u, v), so that it stands at (8), (9) of build.h, off the grid. Those put
+ * into (1), z = displ, Z = D - z, (eu, ev) the foot of the eye, (ru, rv) that of V:
+ *     ui - ru = ((u - ru) Z / D + (eu - ru) k3 z) / (1 + k3 z)
+ * and, above and below times D / Z, with zeta = z D / Z, since D / Z = 1 + zeta / D:
+ *     ui - ru = ((u - ru) + (eu - ru) k3 zeta) / (1 + (k3 + 1/D) zeta)                     (own derivation)
+ * which is (1) again for a relief that holds zeta = D (q - 1) on its regular grid: straight lines stay
+ * straight, so all that is said of reliefs holds, and zeta stays in (-D, D] however far things are. k3 + 1/D
+ * = -gamma / (D (1 - gamma)): an eye that moves back (gamma < 0) has what is nearer at the larger tau, and
+ * wants the order from the epipole outward; gamma = 0: e is infinitely far. The eye must be in front of the
+ * plane. Errors as above. */
+SV_MUST_CHECK enum sv_status sv_prewarp_panel(const struct sv_relief_frame *frame, struct sv_vec3 reference,
+                                              struct sv_vec3 eye, struct sv_prewarp *prewarp,
+                                              struct sv_error *error);
 /* direction: the way that one looks (or light travels), any length; SV_EINVAL when it lies in the plane. The
  * sense matters to what hides what, not to k4, k5. */
 SV_MUST_CHECK enum sv_status sv_prewarp_parallel(const struct sv_relief_frame *frame,

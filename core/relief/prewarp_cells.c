@@ -94,7 +94,8 @@ static int add_step(const struct sv_prewarp_work *w, const struct sv_prewarp_cel
     return 1;
 }
 
-/* Each line between cells is the farther side of one of them: the one that the epipole is on the side of. */
+/* Each line between cells is the farther side of one of them: the one that the epipole is on the side of
+ * (outward: the other one). */
 static int add_steps(const struct sv_prewarp_work *w, const struct sv_prewarp_cell *cell,
                      struct sv_prewarp_patch *patches)
 {
@@ -102,12 +103,12 @@ static int add_steps(const struct sv_prewarp_work *w, const struct sv_prewarp_ce
     int count = 0;
     for (int far = 0; far < 2; far++) {
         double u = cell->i - 0.5 + far, v = cell->j - 0.5 + far;
-        if (far == 0 ? w->epipole_u >= u : w->epipole_u < u) {
+        if ((far == 0 ? w->epipole_u >= u : w->epipole_u < u) != w->outward) {
             sv_prewarp_cell_init(w, cell->i - 1 + 2 * far, cell->j, &beside);
             for (int k = 0; k < 2; k++)
                 count += add_step(w, cell, &beside, far + 2 * k, 2, &patches[count]);
         }
-        if (far == 0 ? w->epipole_v >= v : w->epipole_v < v) {
+        if ((far == 0 ? w->epipole_v >= v : w->epipole_v < v) != w->outward) {
             sv_prewarp_cell_init(w, cell->i, cell->j - 1 + 2 * far, &beside);
             for (int k = 0; k < 2; k++)
                 count += add_step(w, cell, &beside, 2 * far + k, 1, &patches[count]);
@@ -127,7 +128,8 @@ int sv_prewarp_cell_patches(const struct sv_prewarp_work *w, const struct sv_pre
         return 1;
     }
     int count = add_steps(w, cell, patches);
-    int first = (w->epipole_u < cell->i) + 2 * (w->epipole_v < cell->j); /* the farthest corner */
+    int away = (w->epipole_u < cell->i) + 2 * (w->epipole_v < cell->j); /* the corner farthest from it */
+    int first = w->outward ? away ^ 3 : away;                           /* ... from the eye */
     for (int k = 0; k < 4; k++) {
         int o = first ^ k;
         if (cell->part[o] < 0)

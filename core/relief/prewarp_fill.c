@@ -189,7 +189,7 @@ enum sv_status sv_prewarp_fill(const struct sv_prewarp_work *work, bool fill, st
         free(order_v);
         return sv_fail(error, SV_ENOMEM, "options", "no memory to find holes in %zu samples", samples);
     }
-    (void)sv_prewarp_order(w->height + 1, w->epipole_v + 0.5, order_v);
+    (void)sv_prewarp_order(w->height + 1, w->epipole_v + 0.5, w->outward, order_v);
     for (int n = 0; n <= w->height; n++)
         for (int m = 0; m <= w->width; m++)
             try_walls(&f, w->order_u[m], order_v[n]);

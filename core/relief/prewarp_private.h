@@ -18,6 +18,7 @@ struct sv_prewarp_work {
     double k1, k2, k3;     /* k4, k5 and 0 for parallel projection */
     double near;           /* smallest tau */
     double toward;         /* +1: larger displ is nearer to the eye, -1: smaller */
+    bool outward;          /* what is farther from the epipole is nearer to the eye */
     int32_t *order_u;      /* sv_prewarp_order of the width + 1 intervals between texel centres */
     int split_v;           /* the interval between rows that holds the epipole, 0 .. height */
     double epipole_u, epipole_v;
@@ -40,8 +41,8 @@ SV_MUST_CHECK enum sv_status sv_prewarp_extent(const struct sv_relief *relief,
                                                struct sv_prewarp_extent *extent, struct sv_error *error);
 
 /* McMillan's order of n cells [i, i + 1] along an axis: from both ends towards the one that holds e, which
- * comes last. Returns that one. */
-int sv_prewarp_order(int n, double e, int32_t *order);
+ * comes last; outward: the other way round. Returns the one that holds e. */
+int sv_prewarp_order(int n, double e, bool outward, int32_t *order);
 
 /* A point of the surface as it is seen. */
 struct sv_prewarp_vertex {

@@ -7,7 +7,8 @@
  * texels from the border towards the epipole's column: McMillan's four quadrants, split at e clamped to the
  * texture. prewarp.h derives that this is from far to near for an eye on either side; what comes later
  * overwrites, and no depth is compared between rows. For parallel projection e is infinitely far and one
- * quadrant is left.
+ * quadrant is left. A panel from which the eye has moved back is drawn the other way round, from the epipole
+ * outward.
  *
  * Which axis first: pass 2 joins what lies in one column of samples in neighbouring rows; where pass 1 has
  * compressed a row, or shifts differ from row to row, that is far apart along the row, and is drawn cell by
@@ -85,6 +86,7 @@ static struct sv_prewarp_work make_work(const struct sv_relief *relief, const st
                                     .k3 = k[2],
                                     .near = prewarp->near,
                                     .toward = prewarp->behind ? -1 : 1,
+                                    .outward = prewarp->outward,
                                     .epipole_u = prewarp->epipole[turned],
                                     .epipole_v = prewarp->epipole[!turned],
                                     .out_width = turned ? out->height : out->width,
@@ -130,7 +132,35 @@ static void *alloc_rows(struct sv_prewarp_work *w, struct sv_prewarp_row rows[3]
     return block;
 }
 
-/* Rows from both borders to the interval that holds the epipole. Interval j lies between rows j - 1 and j. */
+/* Rows from the interval that holds the epipole to both borders. Interval j lies between rows j - 1 and j. */
+static void warp_rows_outward(const struct sv_prewarp_work *w, struct sv_prewarp_row rows[3])
+{
+    struct sv_prewarp_row *top = NULL, *bottom = NULL, *first = &rows[0], *spare = &rows[2];
+    if (w->split_v > 0)
+        sv_prewarp_warp_row(w, w->split_v - 1, top = &rows[1]);
+    if (w->split_v < w->height)
+        sv_prewarp_warp_row(w, w->split_v, bottom = first);
+    sv_prewarp_warp_columns(w, w->split_v, top, bottom);
+    for (int j = w->split_v - 1; j >= 0; j--) {
+        struct sv_prewarp_row *before = j > 0 ? spare : NULL;
+        if (before)
+            sv_prewarp_warp_row(w, j - 1, before);
+        sv_prewarp_warp_columns(w, j, before, top);
+        spare = top;
+        top = before;
+    }
+    spare = &rows[1];
+    for (int j = w->split_v + 1; j <= w->height; j++) {
+        struct sv_prewarp_row *after = j < w->height ? spare : NULL;
+        if (after)
+            sv_prewarp_warp_row(w, j, after);
+        sv_prewarp_warp_columns(w, j, bottom, after);
+        spare = bottom;
+        bottom = after;
+    }
+}
+
+/* Rows from both borders to the interval that holds the epipole. */
 static void warp_rows(const struct sv_prewarp_work *w, struct sv_prewarp_row rows[3])
 {
     struct sv_prewarp_row *top = NULL, *bottom = NULL, *next = &rows[0], *spare = &rows[1];
@@ -174,10 +204,13 @@ enum sv_status sv_prewarp_two_pass(const struct sv_relief *relief, const struct 
         sv_warped_finish(&out);
         return SV_ENOMEM;
     }
-    (void)sv_prewarp_order(work.width + 1, work.epipole_u + 0.5, work.order_u);
+    (void)sv_prewarp_order(work.width + 1, work.epipole_u + 0.5, work.outward, work.order_u);
     double split = work.epipole_v + 0.5; /* intervals between centres lie half a texel before their number */
     work.split_v = !(split >= 0) ? 0 : split >= work.height ? work.height : (int)split;
-    warp_rows(&work, rows);
+    if (work.outward)
+        warp_rows_outward(&work, rows);
+    else
+        warp_rows(&work, rows);
     status = sv_prewarp_fill(&work, options->fill, error);
     free(block);
     if (status)

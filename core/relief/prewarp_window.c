@@ -4,13 +4,13 @@
 
 #include "core/relief/prewarp_private.h"
 
-int sv_prewarp_order(int n, double e, int32_t *order)
+int sv_prewarp_order(int n, double e, bool outward, int32_t *order)
 {
     int at = !(e >= 0) ? 0 : e >= n ? n - 1 : (int)e, k = 0;
-    for (int i = 0; i < at; i++)
-        order[k++] = i;
-    for (int i = n - 1; i >= at; i--)
-        order[k++] = i;
+    for (int i = 0; i < at; i++, k++)
+        order[outward ? n - 1 - k : k] = i;
+    for (int i = n - 1; i >= at; i--, k++)
+        order[outward ? n - 1 - k : k] = i;
     return at;
 }
 

@@ -143,6 +143,7 @@ static void commit(struct sv_patching *p)
     s->next_object = p->next_object;
     s->sun = p->sun;
     s->counts.not_placed += p->delta.change.not_placed;
+    s->generation++;
     s->patched = p->sum;
     s->version = p->sum ? sv_hash_done(sv_hash_u64(sv_hash_u64(SV_HASH_INIT, s->loaded_version), p->sum))
                         : s->loaded_version;

@@ -154,6 +154,11 @@ enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_o
     return errors->count > known ? errors->items[known].code : SV_EINTERNAL;
 }
 
+uint64_t sv_scene_loaded_version(const struct sv_scene *scene)
+{
+    return scene->patched ? scene->loaded_version : scene->version;
+}
+
 bool sv_scene_sun_at(const struct sv_scene *scene, double unix_s, struct sv_sun *sun)
 {
     const struct sv_heightfield *f = &scene->terrain.field;

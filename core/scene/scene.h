@@ -67,6 +67,7 @@ struct sv_scene {
     struct sv_arena *arena;
     struct sv_scene_spec spec; /* owned */
     /* Of a scene that was patched (patch_apply.h): */
+    uint64_t generation; /* patches since it was loaded */
     uint64_t loaded_version;
     uint64_t patched; /* sum of the hashes of what came, less those of what went: 0 when all is as it was */
     uint32_t next_tree, next_object; /* numbers, at least; 0: one more than the highest */
@@ -93,6 +94,8 @@ struct sv_scene_options {
 SV_MUST_CHECK enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_options *options,
                                            struct sv_scene **scene, struct sv_errors *errors);
 void sv_scene_destroy(struct sv_scene *scene);
+/* Of the scene as it was loaded, whatever it was patched to since. */
+uint64_t sv_scene_loaded_version(const struct sv_scene *scene);
 /* The sun for a moment (seconds since 1970 UTC) at the scene's centre, azimuth from grid north, 0 .. 2 pi;
  * false (untouched) when the scene has no place on Earth. */
 bool sv_scene_sun_at(const struct sv_scene *scene, double unix_s, struct sv_sun *sun);

@@ -296,6 +296,11 @@ struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade)
     return (struct sv_tree_lights){shade->current->lights, shade->current->light_axes};
 }
 
+double sv_tree_shade_texel_m(const struct sv_tree_shade *shade)
+{
+    return shade->current ? shade->current->texel : 0;
+}
+
 static float hold(float v, float high)
 {
     return v > 0 ? (v < high ? v : high) : 0;

@@ -112,6 +112,10 @@ double sv_tree_shade_share(const struct sv_tree_shade *shade, struct sv_vec3 pla
 /* Light of the current sun; valid until the next update. {NULL, NULL} before the first. */
 struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade);
 
+/* Texel of the picture of light that the current sun's lights were taken from, m: with forest and sun it tells
+ * them. 0: there are none. */
+double sv_tree_shade_texel_m(const struct sv_tree_shade *shade);
+
 /* Share of sunlight at a point p of a tree (world axes, from the foot, in heights), 0..1. Twin: tree_light in
  * core/gl/shaders/tree_light.glsl. */
 float sv_tree_light_at(const struct sv_tree_light *light, const struct sv_tree_light_axes *axes,

@@ -10,6 +10,7 @@
 #include "core/cell/crown_warp.h"
 #include "core/cell/panel_ground.h"
 #include "core/relief/warp.h"
+#include "core/view/cells_change.h"
 #include "core/view/compose.h"
 #include "core/view/panels.h"
 #include "core/view/rings.h"
@@ -140,6 +141,7 @@ struct frame {
     struct sv_view_rings at;
     int ground_ring; /* -1: drawn directly */
     int size;
+    struct sv_cell_light light;
     uint64_t light_key, scene_key;
     double planes[5][4];
     struct sv_cells_report *report;
@@ -198,7 +200,8 @@ static struct sv_cell_cache_label label_of(const struct frame *f, const struct s
                                                   .size = f->size,
                                                   .light = f->light_key,
                                                   .scene = f->scene_key},
-                                        .shell = sv_cell_shell(&f->at.rings, &f->at.chain[s->ring], f->at.top)};
+                                        .shell = sv_cell_shell(&f->at.rings, &f->at.chain[s->ring], f->at.top),
+                                        .light = f->light};
     label.key = sv_cell_key(&f->at.rings, &label.parts);
     return label;
 }
@@ -208,9 +211,8 @@ static struct sv_cell_cache_label label_of(const struct frame *f, const struct s
 static enum sv_status reserve(struct sv_cells *c, const struct sv_cell_cache_label *label, size_t bytes, bool must,
                               struct seen *s, struct sv_error *error)
 {
-    uint64_t generation = 0;
-    if (sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false, generation, now(c) * 1e-3,
-                              &s->pin) == SV_CELL_CACHE_GRANTED) {
+    if (sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false, c->scene->generation,
+                              now(c) * 1e-3, &s->pin) == SV_CELL_CACHE_GRANTED) {
         s->held = HELD_SHARED;
     } else if (must) {
         s->pin = (struct sv_cell_cache_panel){.data = aligned_alloc(4096, (bytes + 4095) / 4096 * 4096),
@@ -262,8 +264,8 @@ static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool mus
 {
     struct sv_cell_cache_label label = label_of(f, s);
     enum sv_status status = SV_OK;
-    if (sv_cell_cache_find(c->options.cache, c->options.slot, label.key, 0, now(c) * 1e-3, &s->pin) ==
-        SV_CELL_CACHE_HIT) {
+    if (sv_cell_cache_find(c->options.cache, c->options.slot, label.key, c->scene->generation, now(c) * 1e-3,
+                           &s->pin) == SV_CELL_CACHE_HIT) {
         s->held = HELD_SHARED;
         f->report->hits++;
         f->report->refined += s->pin.refined;
@@ -304,14 +306,19 @@ static enum sv_status obtain_all(struct sv_cells *c, const struct frame *f, stru
     return status;
 }
 
-/* All of the light that panels hold, and of the scene: panels of another key are others. */
-static void make_keys(const struct sv_cells *c, struct frame *f)
+/* All of the light that panels hold, and of the scene but what patches change: panels of another key are others. Where
+ * the forest's numbers count from is a matter of rounding. */
+static enum sv_status make_keys(const struct sv_cells *c, struct frame *f, struct sv_error *error)
 {
     const struct sv_resolved_view *v = f->view;
+    enum sv_status status = sv_direct_light(c->direct, v, &f->light, error);
     uint64_t h = sv_hash_double(sv_hash_double(SV_HASH_INIT, v->sun.azimuth_rad), v->sun.elevation_rad);
     h = sv_hash_u64(h, (uint64_t)v->plan.shadows | (uint64_t)v->air << 1 | (uint64_t)v->plan.draw_trees << 2);
-    f->light_key = sv_hash_double(h, v->plan.tree_error_px);
-    f->scene_key = c->scene->version;
+    f->light_key = sv_hash_double(sv_hash_double(h, v->plan.tree_error_px), f->light.texel_m);
+    struct sv_vec3 o = c->scene->forest.origin;
+    h = sv_hash_u64(SV_HASH_INIT, sv_scene_loaded_version(c->scene));
+    f->scene_key = sv_hash_done(sv_hash_double(sv_hash_double(sv_hash_double(h, o.x), o.y), o.z));
+    return status;
 }
 
 /* Top and bottom of a band of rows, half a pixel outside of it as sv_camera_planes has them. */
@@ -338,7 +345,9 @@ static enum sv_status look_around(struct sv_cells *c, struct frame *f, struct sv
     if (!sv_view_rings(view, &f->at))
         return sv_fail(error, SV_EINVAL, "relief_distance", "there are no cells of that distance here");
     f->ground_ring = sv_panels_free_ring(c->panels, &f->at.rings, f->at.chain);
-    make_keys(c, f);
+    enum sv_status status = make_keys(c, f, error);
+    if (status)
+        return status;
     sv_camera_planes(&view->camera, f->planes);
     return SV_OK;
 }
@@ -617,4 +626,9 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
         status = draw_near(c, &f, rgba, stats, error);
     since(c, report, SV_STAGE_NEAR, t);
     return status;
+}
+
+void sv_cells_changed(struct sv_cells *cells, const struct sv_scene_change *change)
+{
+    (void)sv_cells_change_drop(cells->options.cache, cells->scene, change, now(cells) * 1e-3);
 }

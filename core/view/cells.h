@@ -61,6 +61,9 @@ SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct 
  * report->left tells how many that leaves. What the cache has no room for is not built. Errors of sv_panels_draw. */
 SV_MUST_CHECK enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
                                             struct sv_cells_report *report, struct sv_error *error);
+/* The scene has changed in place, and what direct drawing keeps of it: drops what the change can be seen on
+ * (cells_change.h). Before any process of the scene as it is now draws. */
+void sv_cells_changed(struct sv_cells *cells, const struct sv_scene_change *change);
 
 /* A panel as it is kept, and as it is drawn at full size. */
 struct sv_cells_panel {

@@ -62,7 +62,7 @@ static bool is_built(const struct sv_cells_refiner *r, const struct sv_cells_pan
     struct sv_cell_cache_panel pin;
     struct sv_panel built;
     struct sv_error ignored;
-    if (sv_cell_cache_find(r->options.cache, r->options.slot, panel->label.key, 0, now(r) * 1e-3,
+    if (sv_cell_cache_find(r->options.cache, r->options.slot, panel->label.key, r->scene->generation, now(r) * 1e-3,
                            &pin) != SV_CELL_CACHE_HIT)
         return false;
     bool well = !pin.refined && sv_panel_open(pin.data, pin.bytes, &built, &ignored) == SV_OK;
@@ -82,11 +82,11 @@ static enum sv_status begin(struct sv_cells_refiner *r, const struct sv_cells_pa
     int larger = size * options->scale;
     order.about.size = larger <= SV_PANEL_SIZE_MAX ? larger : size;
     r->bytes = sv_panel_bytes(order.about.size, order.about.layers);
-    if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, r->bytes, true, 0,
+    if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, r->bytes, true, r->scene->generation,
                               since * 1e-3, &r->pin) != SV_CELL_CACHE_GRANTED)
         return SV_OK;
-    enum sv_status status = sv_panels_refine_begin(r->scene, r->truth, &order, options->samples,
-                                                   r->pin.data, r->pin.bytes, &r->refinement, error);
+    enum sv_status status = sv_panels_refine_begin(r->scene, r->truth, &order, options->samples, r->pin.data,
+                                                   r->pin.bytes, &r->refinement, error);
     if (status)
         sv_cell_cache_unpin(r->options.cache, r->options.slot, &r->pin);
     r->key = panel->label.key;
@@ -141,6 +141,7 @@ enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner, const struct sv
     for (int k = 0; k < count && !status; k++) {
         if (!is_built(r, &panels[k], &size))
             continue;
+        going = going && !(options->stop && options->stop(options->context));
         if (going)
             status = begin(r, &panels[k], size, options, error);
         if (going && !status && r->refinement) {

@@ -18,14 +18,15 @@ SV_MUST_CHECK enum sv_status sv_cells_refiner_create(const struct sv_scene *scen
                                                      const struct sv_cells_options *options,
                                                      struct sv_cells_refiner **refiner,
                                                      struct sv_error *error);
-void sv_cells_refiner_destroy(struct sv_cells_refiner *refiner); /* NULL is legal; gives back what it reserved */
+void sv_cells_refiner_destroy(
+    struct sv_cells_refiner *refiner); /* NULL is legal; gives back what it reserved */
 /* Lets go of the panel that is begun: before the scene or the truth changes. */
 void sv_cells_refiner_drop(struct sv_cells_refiner *refiner);
 
 struct sv_cells_refine_options {
     int samples;                 /* a texel: 1, 4, 16, 64 */
     int scale;                   /* texels of a refined panel to one of a built one, along a side, >= 1 */
-    bool (*stop)(void *context); /* polled after each row; NULL: never */
+    bool (*stop)(void *context); /* polled before each panel and after each row; NULL: never */
     void *context;
 };
 struct sv_cells_refine_report {

@@ -1,5 +1,5 @@
 /* direct.c - see direct.h. */
-#include "core/view/direct_private.h"
+#include "core/view/direct.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -9,6 +9,7 @@
 #include "core/base/hash.h"
 #include "core/cell/panel_ground.h"
 #include "core/gl/frame.h"
+#include "core/view/direct_private.h"
 
 static void finish_target(struct direct_target *target)
 {
@@ -413,6 +414,23 @@ enum sv_status sv_direct_sees_trees(struct sv_direct *r, const struct sv_resolve
     if (!status)
         *any = count > 0;
     return status;
+}
+
+enum sv_status sv_direct_light(struct sv_direct *r, const struct sv_resolved_view *view,
+                               struct sv_cell_light *light, struct sv_error *error)
+{
+    struct sv_gl_frame frame;
+    bool shadows;
+    frame_of(view, 0, 0, &frame);
+    enum sv_status status = prepare_shadows(r, view, &frame, &shadows, error);
+    if (status)
+        return status;
+    *light = (struct sv_cell_light){0};
+    if (shadows)
+        light->to_sun = frame.light.to_sun;
+    if (shadows && r->shade && view->plan.draw_trees)
+        light->texel_m = sv_tree_shade_texel_m(r->shade);
+    return SV_OK;
 }
 
 enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resolved_view *view, bool sky,

@@ -4,6 +4,7 @@
 #ifndef SV_VIEW_DIRECT_H
 #define SV_VIEW_DIRECT_H
 
+#include "core/cell/cache.h"
 #include "core/cell/sweep.h"
 #include "core/scene/patch_apply.h"
 #include "core/tree/draw.h"
@@ -53,6 +54,10 @@ SV_MUST_CHECK enum sv_status sv_direct_sees_trees(struct sv_direct *direct,
                                                   const struct sv_resolved_view *view,
                                                   const struct sv_tree_shell *shell, bool *any,
                                                   struct sv_error *error);
+/* What casts shadows in the view, made ready. */
+SV_MUST_CHECK enum sv_status sv_direct_light(struct sv_direct *direct, const struct sv_resolved_view *view,
+                                             struct sv_cell_light *light, struct sv_error *error);
+
 /* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth
  * alone (0: sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB.
  * All planes hold rows row_first .. row_first + row_count - 1 (at least one). */

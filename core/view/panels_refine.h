@@ -13,14 +13,13 @@
 struct sv_panels_refinement;
 
 /* Begins to draw the panel into a block of sv_panel_bytes(...) bytes, which nobody reads before it is
- * finished. samples: 1, 4, 16 or 64. Borrows scene, truth and block until it is destroyed; the order's view is
- * copied. When the scene changes, it is only to be destroyed. Errors of sv_panel_init and
+ * finished. samples: 1, 4, 16 or 64. Borrows scene, truth and block until it is destroyed; the order's view
+ * is copied. When the scene changes, it is only to be destroyed. Errors of sv_panel_init and
  * sv_truth_part_create. */
-SV_MUST_CHECK enum sv_status sv_panels_refine_begin(const struct sv_scene *scene, const struct sv_truth *truth,
-                                                    const struct sv_panels_order *order, int samples,
-                                                    void *block, size_t bytes,
-                                                    struct sv_panels_refinement **refinement,
-                                                    struct sv_error *error);
+SV_MUST_CHECK enum sv_status
+sv_panels_refine_begin(const struct sv_scene *scene, const struct sv_truth *truth,
+                       const struct sv_panels_order *order, int samples, void *block, size_t bytes,
+                       struct sv_panels_refinement **refinement, struct sv_error *error);
 /* Draws the next row; false when none is left, and the block is whole. */
 bool sv_panels_refine_row(struct sv_panels_refinement *refinement);
 /* NULL is legal. */

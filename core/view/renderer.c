@@ -7,6 +7,7 @@
 
 #include "core/base/color.h"
 #include "core/view/cells.h"
+#include "core/view/cells_paper.h"
 #include "core/view/cells_refine.h"
 #include "core/view/direct.h"
 #include "core/truth/truth.h"
@@ -16,6 +17,7 @@ struct sv_renderer {
     struct sv_direct *direct;
     struct sv_truth *truth;
     struct sv_cells *cells; /* NULL: none */
+    struct sv_cells_paper *paper; /* NULL: not asked for yet */
     struct sv_cells_refiner *refiner; /* NULL: not used yet */
     struct sv_cell_cache *cache;
     unsigned slot; /* of cache */
@@ -31,6 +33,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
     sv_cells_refiner_destroy(renderer->refiner);
     sv_truth_destroy(renderer->truth);
     sv_cells_destroy(renderer->cells);
+    sv_cells_paper_destroy(renderer->paper);
     sv_direct_destroy(renderer->direct);
     free(renderer);
 }
@@ -127,7 +130,11 @@ enum sv_status sv_renderer_change(struct sv_renderer *r, const struct sv_scene_d
     if (r->refiner)
         sv_cells_refiner_drop(r->refiner);
     enum sv_status status = sv_direct_change(r->direct, delta, store, error);
-    return status ? status : change_truth(r, delta, error);
+    if (!status)
+        status = change_truth(r, delta, error);
+    if (!status && r->cells)
+        sv_cells_changed(r->cells, &delta->change);
+    return status;
 }
 
 static double now(const struct sv_renderer *r)
@@ -266,10 +273,37 @@ static bool admitted(struct sv_renderer *r, const struct sv_resolved_view *view,
     return view->plan.relief == SV_RELIEF_ON || sv_cell_cache_admit(r->cache, &request);
 }
 
+static void add_stages(const double ms[SV_STAGE_COUNT], struct sv_timings *timings)
+{
+    for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
+        if (ms[k] >= 0)
+            timings->ms[k] = fmax(timings->ms[k], 0) + ms[k];
+}
+
+static enum sv_status draw_paper(struct sv_renderer *r, const struct sv_view_request *request,
+                                 const struct sv_resolved_view *view, struct sv_picture *picture,
+                                 struct sv_timings *timings, struct sv_draw_stats *stats,
+                                 struct sv_error *error)
+{
+    struct sv_cells_paper_report report;
+    enum sv_status status = SV_OK;
+    if (!r->paper)
+        status = sv_cells_paper_create(r->scene, r->direct, r->clock, &r->paper, error);
+    if (status)
+        return status;
+    status = sv_cells_paper_draw(r->paper, view, request->sky, picture->layer[SV_LAYER_COLOR].data, &report,
+                                 stats, error);
+    add_stages(report.ms, timings);
+    if (!status && !request->sky)
+        straighten(&picture->layer[SV_LAYER_COLOR]);
+    return status;
+}
+
 /* SV_ENOENT, with nothing drawn: to be drawn directly. */
 static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_request *request,
                                  const struct sv_resolved_view *view, struct sv_picture *picture,
-                                 struct sv_timings *timings, struct sv_draw_stats *stats, struct sv_error *error)
+                                 struct sv_timings *timings, struct sv_draw_stats *stats,
+                                 struct sv_error *error)
 {
     struct sv_cells_report report;
     uint8_t *rgba = picture->layer[SV_LAYER_COLOR].data;
@@ -288,9 +322,7 @@ static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_req
     stats->cell.refined = report.refined;
     learn(r, view, &report, now(r) - since);
     r->report = report;
-    for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
-        if (report.ms[k] >= 0)
-            timings->ms[k] = fmax(timings->ms[k], 0) + report.ms[k];
+    add_stages(report.ms, timings);
     if (!request->sky)
         straighten(&picture->layer[SV_LAYER_COLOR]);
     return SV_OK;
@@ -329,12 +361,15 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
     struct sv_picture picture = {0};
     struct sv_draw_stats own = {0}, *told = stats ? stats : &own;
     enum sv_status status = sv_picture_alloc(&view->camera, request->layers, &picture, error);
-    bool cells = renderer->cells && view->plan.relief != SV_RELIEF_OFF && sv_cells_can(view, request->layers);
+    bool can = view->plan.relief != SV_RELIEF_OFF && sv_cells_can(view, request->layers);
+    bool paper = can && view->plan.relief == SV_RELIEF_PAPER, cells = can && !paper && renderer->cells;
     told->cell = (struct sv_cell_use){.kind = view->plan.relief == SV_RELIEF_ON ? SV_CELL_USE_BYPASS : SV_CELL_USE_NONE};
     if (!status && view->plan.raycast)
         status = draw_raycast(renderer, request, view, &picture, timings, error);
     else if (!status)
-        status = cells ? draw_cells(renderer, request, view, &picture, timings, told, error) : SV_ENOENT;
+        status = cells   ? draw_cells(renderer, request, view, &picture, timings, told, error)
+                 : paper ? draw_paper(renderer, request, view, &picture, timings, told, error)
+                         : SV_ENOENT;
     if (status == SV_ENOENT && !view->plan.raycast) {
         struct sv_cell_use cell = told->cell;
         double since = now(renderer);

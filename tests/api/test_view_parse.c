@@ -211,7 +211,7 @@ static void not_built_yet(void **state)
         {"x=1&y=2&max_error=1", "max_error"},
         {"x=1&y=2&budget_ms=20", "budget_ms"},
         {"x=1&y=2&relief=on", NULL},
-        {"x=1&y=2&relief=paper", "relief"},
+        {"x=1&y=2&relief=paper", NULL},
         {"x=1&y=2&relief=off", NULL},
         {"x=1&y=2&relief=auto", NULL},
         {"x=1&y=2&relief_distance=50&relief_resolution=512", NULL},

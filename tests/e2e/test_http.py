@@ -41,7 +41,7 @@ class Answers(Case):
             ("GET", view_target(), {"If-None-Match": etag}, None, 304),
             ("GET", "/v1/view?bogus=1", {}, None, 400),
             ("GET", "/v1/view?x=100&y=100&z=-500", {}, None, 422),
-            ("GET", view_target() + "&relief=paper", {}, None, 501),
+            ("GET", view_target() + "&budget_ms=20", {}, None, 501),
             ("GET", view_target().replace("&format=png", ""), {"Accept": "text/html"}, None, 406),
             ("POST", "/v1/view", {"Content-Type": "application/json"}, b"{", 400),
             ("POST", "/v1/view", {"Content-Type": "text/plain"}, b"{}", 415),

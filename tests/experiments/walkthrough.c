@@ -1,7 +1,7 @@
 /* walkthrough.c - the forest of table 2 walked through, flown over and jumped about in, drawn from relief
- * cells, beside direct drawing and the one-sample ray cast of the same poses.
+ * cells, beside paper 1's own way, direct drawing and the one-sample ray cast of the same poses.
  *
- *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,off,raycast,four]
+ *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
  *               [--warm] [--still] [-o FOLDER]
  *
@@ -32,9 +32,9 @@
 #include "tests/experiments/plot.h"
 
 enum path { FLIGHT, WALK, JUMP };
-enum form { ON, AUTO, OFF, RAYCAST, RAYCAST4, FORMS };
+enum form { ON, AUTO, PAPER, OFF, RAYCAST, RAYCAST4, FORMS };
 static const char *const PATHS[] = {"flight", "walk", "jump"};
-static const char *const NAMES[] = {"on", "auto", "off", "raycast", "four"};
+static const char *const NAMES[] = {"on", "auto", "paper", "off", "raycast", "four"};
 #define FRAMES_PER_S 30.0
 enum { FRAMES_MAX = 4096, COUNTS_MAX = 16, WORKERS_MAX = 2, SHEET_COLUMNS = 6 };
 
@@ -72,7 +72,10 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
 
 static void dress(struct sv_view_request *request, enum form form)
 {
-    request->relief = form == ON ? SV_RELIEF_ON : form == AUTO ? SV_RELIEF_AUTO : SV_RELIEF_OFF;
+    static const enum sv_relief_mode reliefs[FORMS] = {[ON] = SV_RELIEF_ON, [AUTO] = SV_RELIEF_AUTO,
+                                                       [PAPER] = SV_RELIEF_PAPER, [OFF] = SV_RELIEF_OFF,
+                                                       [RAYCAST] = SV_RELIEF_OFF, [RAYCAST4] = SV_RELIEF_OFF};
+    request->relief = reliefs[form];
     request->trees = form >= RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
     request->samples = form == RAYCAST4 ? 4 : 1;
 }
@@ -447,7 +450,7 @@ int main(int argc, char **argv)
     }
     if (!well) {
         fprintf(stderr, "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
-                        "[--forms on,auto,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
+                        "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
                         "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [-o FOLDER]\n");
         return 2;
     }

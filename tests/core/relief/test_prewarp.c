@@ -469,6 +469,66 @@ static void see_through_texels_are_no_holes(void **state)
     sv_relief_finish(&r);
 }
 
+/* Blocks of a few levels on a panel, from eyes that moved aside, forward (order inward) and back (order
+ * outward): every sample shows the nearest level that stands there, or, where none does, is a hole. On one
+ * level (1) is linear, so what a sample sees of each level is known without any warp. Samples within 0.02
+ * texels of a block's border are left out: displ is float, and both sides are right there. */
+static void panels_show_the_nearest_on_all_sides(void **state)
+{
+    enum { SIDE = 48, LEVELS = 4 };
+    static const double offset[][3] = {{0.3, 0.2, 0.4},    {-0.3, 0.2, 0.4},   {0.2, -0.4, -0.5},
+                                       {-0.4, -0.2, -0.5}, {0.05, 0.02, -0.9}, {0, 0, -0.6},
+                                       {0.3, -0.1, 0},     {0.02, 0.03, 0.5}};
+    (void)state;
+    const double d = SIDE / 2.0;
+    long seen = 0;
+    for (size_t k = 0; k < sizeof offset / sizeof *offset; k++) {
+        struct sv_relief r = new_relief(SIDE, SIDE, 1);
+        struct sv_rng rng = sv_rng_seeded(k + 1, 7);
+        for (int j = 0; j < SIDE; j++)
+            for (int i = 0; i < SIDE; i++)
+                set(&r, i, j, -2.0f * LEVELS, 10, 10, 10);
+        for (int b = 0; b < 40; b++) {
+            int i0 = (int)sv_rng_range(&rng, 0, SIDE - 6), j0 = (int)sv_rng_range(&rng, 0, SIDE - 6);
+            float level = -2.0f * (float)(int)sv_rng_range(&rng, 0, LEVELS);
+            for (int j = j0; j < j0 + 6; j++)
+                for (int i = i0; i < i0 + 6; i++)
+                    set(&r, i, j, level, 50, 50, 50);
+        }
+        sv_relief_measure(&r);
+        struct sv_vec3 v = {d, d, d};
+        struct sv_vec3 eye = {v.x + offset[k][0] * d, v.y + offset[k][1] * d, v.z - offset[k][2] * d};
+        struct sv_prewarp p;
+        struct sv_error error;
+        assert_int_equal(sv_prewarp_panel(&r.frame, v, eye, &p, &error), SV_OK);
+        for (int order = SV_PREWARP_ROWS_FIRST; order <= SV_PREWARP_COLUMNS_FIRST; order++) {
+            struct sv_warped w = warp(&r, &p, 0, 0, false, (enum sv_prewarp_order)order);
+            for (int y = 0; y < w.height; y++)
+                for (int x = 0; x < w.width; x++) {
+                    double ui = w.u0 + x + 0.5, vi = w.v0 + y + 0.5;
+                    bool border = false, hit = false;
+                    for (int l = 0; l <= LEVELS && !hit && !border; l++) {
+                        double zeta = -2.0 * l, tau = 1 + p.k[2] * zeta;
+                        double u = ui * tau - p.k[0] * zeta, q = vi * tau - p.k[1] * zeta; /* eq. 1 */
+                        border = fabs(u - round(u)) < 0.02 || fabs(q - round(q)) < 0.02;
+                        if (border || !(u > 0 && q > 0 && u < SIDE && q < SIDE))
+                            continue;
+                        hit = (double)r.displ[(int)q * SIDE + (int)u] == zeta;
+                        if (hit) {
+                            size_t at = (size_t)y * (size_t)w.width + (size_t)x;
+                            assert_true(w.color[at][3] == 255);
+                            assert_true(fabs((double)w.displ[at] - zeta) < 1e-4);
+                            seen++;
+                        }
+                    }
+                }
+            sv_warped_finish(&w);
+        }
+        sv_relief_finish(&r);
+    }
+    assert_true(seen > 20000);
+}
+
 static void bad_options_are_refused(void **state)
 {
     (void)state;
@@ -500,6 +560,7 @@ int main(void)
         cmocka_unit_test(magnified_surfaces_have_no_pin_holes),
         cmocka_unit_test(holes_are_counted_and_filled_from_the_far_side),
         cmocka_unit_test(see_through_texels_are_no_holes),
+        cmocka_unit_test(panels_show_the_nearest_on_all_sides),
         cmocka_unit_test(bad_options_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "core/base/rng.h"
+#include "core/relief/build.h"
 #include "core/relief/prewarp.h"
 
 typedef long double real;
@@ -228,6 +229,48 @@ static void singular_places_are_answered(void **state)
     assert_true(u == 7 && v == 7);
 }
 
+/* A texel of a panel, put by (7)-(9) where it stands and seen along a ray from the eye, lands where (1) with
+ * zeta says; the eye anywhere in front of the plane, gamma of either sign and 0. Tolerance: numbers of n / (1
+ * - gamma) <= 640 texels after some ten roundings: 640 * 10 * 2^-53 < 1e-12, and as much again by tau >= 0.1:
+ * 1e-11. */
+static void panels_land_where_rays_say(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(5, 1);
+    const double n = 64;
+    struct sv_relief_frame f = plain_frame();
+    long drawn = 0;
+    for (int k = 0; k < 20000; k++) {
+        double d = sv_rng_range(&rng, 20, 200), gamma = k % 8 == 0 ? 0 : sv_rng_range(&rng, -0.9, 0.9);
+        struct sv_vec3 v = {n / 2, n / 2, d};
+        struct sv_vec3 eye = {v.x + sv_rng_range(&rng, -0.9, 0.9) * d, v.y + sv_rng_range(&rng, -0.9, 0.9) * d,
+                              v.z - gamma * d};
+        double u = sv_rng_range(&rng, 0, n), w = sv_rng_range(&rng, 0, n);
+        double z = d * pow(10, sv_rng_range(&rng, -0.3, 4)), us, vs, displ, ui, vi;
+        struct sv_prewarp p;
+        struct sv_error error;
+        assert_int_equal(sv_prewarp_panel(&f, v, eye, &p, &error), SV_OK);
+        sv_depth_relief(d, n, u, w, z, &us, &vs, &displ);
+        bool seen = sv_prewarp_point(&p, u, w, displ * d / z, &ui, &vi);
+        if (z < (gamma + 0.1) * d) /* behind the eye, or too near to it for the tolerance */
+            continue;
+        assert_true(seen);
+        struct real3 x = place_l(&f, us, vs, displ), e = real3_of(eye);
+        real tu, tv;
+        meet_plane(&f, x, madd_l(x, e, -1), &tu, &tv);
+        assert_true(fabsl(ui - tu) <= 1e-11L * (1 + fabsl(tu)) && fabsl(vi - tv) <= 1e-11L * (1 + fabsl(tv)));
+        assert_int_equal(p.outward, p.k[2] > 0);
+        drawn++;
+    }
+    assert_true(drawn > 15000);
+    struct sv_prewarp p;
+    struct sv_error error;
+    struct sv_vec3 v = {n / 2, n / 2, 50};
+    assert_int_equal(sv_prewarp_panel(&f, v, sv_vec3(32, 32, 0), &p, &error), SV_EINVAL);
+    assert_int_equal(sv_prewarp_panel(&f, v, sv_vec3(32, 32, -5), &p, &error), SV_EINVAL);
+    assert_string_equal(error.field, "eye");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -235,6 +278,7 @@ int main(void)
         cmocka_unit_test(short_form_is_the_printed_two),
         cmocka_unit_test(printed_four_fails),
         cmocka_unit_test(singular_places_are_answered),
+        cmocka_unit_test(panels_land_where_rays_say),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

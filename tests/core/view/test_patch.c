@@ -8,118 +8,24 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 #include <cmocka.h>
 
 #include "api/patch_parse.h"
-#include "core/base/rng.h"
 #include "core/scene/id.h"
+#include "tests/core/view/patch_kit.h"
 #include "tests/core/view/scene_kit.h"
 
-enum { SIDE = 96, TREES = 260 };
-
-static char folder[] = "/tmp/sv-patch-XXXXXX";
-static struct sv_store *store;
-
-static void write_file(const char *name, const char *format, ...) SV_PRINTF(2, 3);
-static void write_file(const char *name, const char *format, ...)
-{
-    char path[128];
-    va_list args;
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    FILE *file = fopen(path, "we");
-    assert_non_null(file);
-    va_start(args, format);
-    vfprintf(file, format, args);
-    va_end(args);
-    fclose(file);
-}
-
-/* The first `count` of the trees that all scenes here are made of; tree k is the same in all of them. */
-static void write_trees(uint32_t count)
-{
-    static char text[TREES * 96];
-    struct sv_rng rng = sv_rng_seeded(5, 0);
-    size_t used = (size_t)snprintf(text, sizeof text, "x,y,species,height_m\n");
-    for (uint32_t k = 0; k < count; k++) {
-        double x = sv_rng_range(&rng, 30, 190), y = sv_rng_range(&rng, 30, 190),
-               h = sv_rng_range(&rng, 3, 14);
-        used += (size_t)snprintf(text + used, sizeof text - used, "%.17g,%.17g,%s,%.17g\n", x, y,
-                                 k % 3 ? "oak" : "fir", h);
-    }
-    write_file("trees.csv", "%s", text);
-}
-
-/* Oak and fir are of one shape, so that there is less to bake. */
-static const char HUT[] = "o hut\nv -0.5 0 -0.4\nv 0.5 0 -0.4\nv 0.5 0 0.4\nv -0.5 0 0.4\nv 0 1 0\n"
-                          "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\nf 4 3 2 1\n";
-
-/* forest, objects: more entries of the lists, with a comma before; sun: azimuth. */
-static struct sv_scene *load(uint32_t trees, const char *forest, const char *objects, double azimuth_deg)
-{
-    char path[128];
-    struct sv_scene_spec spec;
-    struct sv_errors errors;
-    struct sv_scene *scene = NULL;
-    struct sv_scene_options options = {.store = store, .arena_bytes = (size_t)1 << 30};
-    write_trees(trees);
-    write_file("hut.obj", "%s", HUT);
-    write_file(
-        "scene.json",
-        "{\"name\":\"p\",\"terrain\":{\"procedural\":{\"size_m\":220,\"samples\":65,\"relief_m\":25,\"seed\":"
-        "2}},"
-        "\"species\":[{\"name\":\"oak\",\"procedural\":{\"habit\":\"broadleaf\",\"leaves\":400}},"
-        "{\"name\":\"fir\",\"procedural\":{\"habit\":\"broadleaf\",\"leaves\":400}},"
-        "{\"name\":\"bush\",\"procedural\":{\"habit\":\"shrub\",\"leaves\":300}}],"
-        "\"forest\":[{\"points\":\"trees.csv\",\"species\":\"species\",\"height_m\":\"height_m\"}%s],"
-        "\"objects\":[{\"model\":\"hut.obj\",\"x\":110,\"y\":118,\"height_m\":7,\"relief_resolution\":32}%s],"
-        "\"sun\":{\"azimuth_deg\":%.17g,\"elevation_deg\":28}}",
-        forest, objects, azimuth_deg);
-    snprintf(path, sizeof path, "%s/scene.json", folder);
-    sv_errors_init(&errors);
-    if (sv_scene_spec_read(path, &spec, &errors) != SV_OK ||
-        sv_scene_load(&spec, &options, &scene, &errors) != SV_OK)
-        fail_msg("%s: %s", errors.items[0].field, errors.items[0].message);
-    sv_errors_finish(&errors);
-    return scene;
-}
+enum { SIDE = 96 };
 
 static struct sv_renderer *renderer_of(const struct sv_scene *scene)
 {
     struct sv_renderer *r = NULL;
     struct sv_error error;
-    struct sv_renderer_options options = {.store = store, .truth = true};
+    struct sv_renderer_options options = {.store = patch_kit_store, .truth = true};
     if (sv_renderer_create(scene, &options, &r, &error) != SV_OK ||
         sv_renderer_warm_shadows(r, &error) != SV_OK)
         fail_msg("%s: %s", error.field, error.message);
     return r;
-}
-
-static struct sv_scene_change patch(struct sv_scene *scene, struct sv_renderer *r, const char *format, ...)
-    SV_PRINTF(3, 4);
-static struct sv_scene_change patch(struct sv_scene *scene, struct sv_renderer *r, const char *format, ...)
-{
-    static char text[65536];
-    struct sv_scene_patch patch;
-    struct sv_scene_patch_options options = {.store = store};
-    struct sv_scene_delta delta;
-    struct sv_errors errors;
-    struct sv_error error;
-    va_list args;
-    va_start(args, format);
-    int bytes = vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    sv_errors_init(&errors);
-    if (sv_api_patch_parse(text, (size_t)bytes, &scene->spec, &patch, &errors) != SV_OK ||
-        sv_scene_patch_apply(scene, &patch, &options, &delta, &errors) != SV_OK)
-        fail_msg("%s: %s", errors.items[0].field, errors.items[0].message);
-    if (r && sv_renderer_change(r, &delta, store, &error) != SV_OK)
-        fail_msg("%s: %s", error.field, error.message);
-    struct sv_scene_change change = delta.change;
-    sv_scene_delta_finish(&delta);
-    sv_scene_patch_finish(&patch);
-    sv_errors_finish(&errors);
-    return change;
 }
 
 /* ---- pictures ---- */
@@ -262,67 +168,67 @@ static void test_changes(void **state)
     const char *area = "{\"type\":\"Polygon\",\"coordinates\":[[[60,60],[150,70],[140,160],[60,60]]]}";
     const char *object = "\"x\":80.5,\"y\":95,\"height_m\":9,\"heading_deg\":25,\"relief_resolution\":32}";
     char forest[768], objects[256];
-    struct sv_scene *scene = load(TREES, "", "", 135);
+    struct sv_scene *scene = patch_kit_load(PATCH_KIT_TREES, "", "", 135);
     struct sv_renderer *r = renderer_of(scene);
-    struct sv_scene_change c = patch(scene, r,
+    struct sv_scene_change c = patch_kit_patch(scene, r,
                                      "{\"trees\":{\"add\":[{\"x\":100.5,\"y\":90.25,\"species\":\"bush\","
                                      "\"height_m\":4},{\"x\":125,\"y\":125,"
                                      "\"species\":\"fir\",\"height_m\":17.5,\"rotation_deg\":40}]}}");
-    assert_true(c.trees_added == 2 && c.first_tree == TREES && c.box_count == 2);
-    c = patch(scene, r, "{\"trees\":{\"add\":[{%s%s}}]}}", scatter, area);
+    assert_true(c.trees_added == 2 && c.first_tree == PATCH_KIT_TREES && c.box_count == 2);
+    c = patch_kit_patch(scene, r, "{\"trees\":{\"add\":[{%s%s}}]}}", scatter, area);
     assert_int_equal(c.trees_added + c.not_placed, 300);
     assert_true(c.trees_added > 100 && c.box_count > 10 && c.box_count <= SV_CHANGE_BOXES_MAX);
-    write_file("tower.obj", "%s", HUT);
-    patch(scene, r, "{\"objects\":{\"add\":[{\"model\":\"tower.obj\",%s]}}", object);
-    c = patch(scene, r, "{\"sun\":{\"azimuth_deg\":250.5}}");
+    patch_kit_write("tower.obj", "%s", PATCH_KIT_HUT);
+    patch_kit_patch(scene, r, "{\"objects\":{\"add\":[{\"model\":\"tower.obj\",%s]}}", object);
+    c = patch_kit_patch(scene, r, "{\"sun\":{\"azimuth_deg\":250.5}}");
     assert_true(c.sun && c.box_count == 0);
-    write_file("more.csv", "x,y,species,height_m,rotation_deg\n100.5,90.25,bush,4,\n125,125,fir,17.5,40\n");
-    write_file("area.geojson", "%s", area);
+    patch_kit_write("more.csv", "x,y,species,height_m,rotation_deg\n100.5,90.25,bush,4,\n125,125,fir,17.5,40\n");
+    patch_kit_write("area.geojson", "%s", area);
     snprintf(forest, sizeof forest,
              ",{\"points\":\"more.csv\",\"species\":\"species\",\"height_m\":\"height_m\",\"rotation_deg\":"
              "\"rotation_deg\"},{%s\"area.geojson\"}}",
              scatter);
     snprintf(objects, sizeof objects, ",{\"model\":\"tower.obj\",%s", object);
-    compare(scene, r, load(TREES, forest, objects, 250.5), "changes");
+    compare(scene, r, patch_kit_load(PATCH_KIT_TREES, forest, objects, 250.5), "changes");
 }
 
 /* The last 9 trees of the file go: 3 by id, the others by areas about each. */
 static void test_removed(void **state)
 {
     (void)state;
-    struct sv_scene *scene = load(TREES, "", "", 135);
+    struct sv_scene *scene = patch_kit_load(PATCH_KIT_TREES, "", "", 135);
     struct sv_renderer *r = renderer_of(scene);
-    for (uint32_t number = TREES - 9; number < TREES; number++) {
+    for (uint32_t number = PATCH_KIT_TREES - 9; number < PATCH_KIT_TREES; number++) {
         uint32_t k = 0;
         while (scene->forest.trees[k].number != number)
             k++;
         double x = scene->forest.trees[k].x, y = scene->forest.trees[k].y, d = 1e-6;
         struct sv_scene_change c =
             number % 3 == 0
-                ? patch(scene, r, "{\"trees\":{\"remove\":{\"ids\":[%u]}}}", SV_ID_TREE_FIRST + number)
+                ? patch_kit_patch(scene, r, "{\"trees\":{\"remove\":{\"ids\":[%u]}}}", SV_ID_TREE_FIRST + number)
             : number % 3 == 1
-                ? patch(scene, r,
+                ? patch_kit_patch(scene, r,
                         "{\"trees\":{\"remove\":{\"near\":{\"x\":%.17g,\"y\":%.17g,\"radius_m\":%g}}}}", x, y,
                         d)
-                : patch(scene, r,
+                : patch_kit_patch(scene, r,
                         "{\"trees\":{\"remove\":{\"within\":{\"type\":\"Polygon\",\"coordinates\":[[[%.17g,%."
                         "17g],"
                         "[%.17g,%.17g],[%.17g,%.17g],[%.17g,%.17g]]]}}}}",
                         x - d, y - d, x + d, y - d, x, y + d, x - d, y - d);
         assert_int_equal(c.trees_removed, 1);
     }
-    compare(scene, r, load(TREES - 9, "", "", 135), "removed");
+    compare(scene, r, patch_kit_load(PATCH_KIT_TREES - 9, "", "", 135), "removed");
 }
 
 /* To no tree at all, and from none to one: no number is given twice. */
 static void none_and_one(struct sv_scene *scene, struct sv_renderer *r)
 {
-    patch(scene, r, "{\"trees\":{\"remove\":{\"near\":{\"x\":110,\"y\":110,\"radius_m\":1000}}}}");
+    patch_kit_patch(scene, r, "{\"trees\":{\"remove\":{\"near\":{\"x\":110,\"y\":110,\"radius_m\":1000}}}}");
     assert_int_equal(scene->forest.count, 0);
     drop(take(scene, r, "none"));
     struct sv_scene_change c =
-        patch(scene, r, "{\"trees\":{\"add\":[{\"x\":111,\"y\":70,\"species\":\"oak\",\"height_m\":12}]}}");
-    assert_int_equal(c.first_tree, TREES + 2);
+        patch_kit_patch(scene, r, "{\"trees\":{\"add\":[{\"x\":111,\"y\":70,\"species\":\"oak\",\"height_m\":12}]}}");
+    assert_int_equal(c.first_tree, PATCH_KIT_TREES + 2);
     struct album *a = take(scene, r, "one");
     sv_renderer_destroy(r);
     r = renderer_of(scene);
@@ -338,11 +244,11 @@ static void none_and_one(struct sv_scene *scene, struct sv_renderer *r)
 static void test_there_and_back(void **state)
 {
     (void)state;
-    struct sv_scene *scene = load(TREES, "", "", 135);
+    struct sv_scene *scene = patch_kit_load(PATCH_KIT_TREES, "", "", 135);
     struct sv_renderer *r = renderer_of(scene);
     uint64_t version = scene->version;
     struct album *before = take(scene, r, "before");
-    struct sv_scene_change c = patch(scene, r,
+    struct sv_scene_change c = patch_kit_patch(scene, r,
                                      "{\"sun\":{\"elevation_deg\":55},\"trees\":{\"add\":[{\"x\":5,\"y\":215,"
                                      "\"species\":\"bush\",\"height_m\":30},"
                                      "{\"x\":111,\"y\":70,\"species\":\"oak\",\"height_m\":12}]},"
@@ -351,7 +257,7 @@ static void test_there_and_back(void **state)
     assert_true(scene->version != version);
     struct album *between = take(scene, r, "between");
     other_pictures(before, between);
-    patch(scene, r,
+    patch_kit_patch(scene, r,
           "{\"sun\":{\"elevation_deg\":28},\"trees\":{\"remove\":{\"ids\":[%u,%u]}},\"objects\":{\"remove\":{"
           "\"ids\":["
           "%u]}}}",
@@ -391,7 +297,7 @@ static void expect(struct sv_scene *scene, const char *text, const char *const f
 static void test_refused(void **state)
 {
     (void)state;
-    struct sv_scene *scene = load(8, "", "", 135);
+    struct sv_scene *scene = patch_kit_load(8, "", "", 135);
     expect(
         scene,
         "{\"sun\":{\"time\":\"2026-06-21T10:00:00Z\"},\"trees\":{\"remove\":{\"ids\":[2147483655,2147483656,"
@@ -406,30 +312,9 @@ static void test_refused(void **state)
     sv_scene_destroy(scene);
 }
 
-static int setup(void **state)
-{
-    (void)state;
-    char path[128];
-    struct sv_error error;
-    if (!mkdtemp(folder))
-        return 1;
-    sv_geo_init();
-    snprintf(path, sizeof path, "%s/cache", folder);
-    return sv_store_open(path, UINT64_C(1) << 30, &store, &error) != SV_OK;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    char command[160];
-    sv_store_close(store);
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_changes), cmocka_unit_test(test_removed),
                                        cmocka_unit_test(test_there_and_back), cmocka_unit_test(test_refused)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, patch_kit_setup, patch_kit_teardown);
 }
