@@ -68,9 +68,7 @@ static void close_gaps(const struct sv_panel_layer *crowns, bool rows, float *q)
             uint16_t code = crowns->q[at];
             if (code)
                 last = (float)code / SV_PANEL_Q_ONE;
-            if (k < n)
-                q[at] = last;
-            else if (q[at] == 0)
+            if (k < n || q[at] == 0)
                 q[at] = last;
         }
     }
