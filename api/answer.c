@@ -103,7 +103,7 @@ void sv_api_answer_view(const struct sv_answer_view *answer, bool not_modified, 
         SV_CACHE_RESULT_LIST(X)
 #undef X
     };
-    char camera[SV_CAMERA_JSON_BUFFER], plan[128], route[SV_ROUTE_BUFFER];
+    char camera[SV_CAMERA_JSON_BUFFER], plan[128], route[SV_ROUTE_BUFFER], cell[96];
     const struct sv_view_request *request = answer->request;
     if (!not_modified)
         sv_api_headers_set(headers, "Content-Type", "%s",
@@ -116,12 +116,12 @@ void sv_api_answer_view(const struct sv_answer_view *answer, bool not_modified, 
     sv_api_headers_set(headers, "Cache-Status", "Silvista; %s", results[answer->cache]);
     if (answer->negotiated)
         vary("Accept", headers);
-    sv_api_headers_set(headers, "Silvista-Cell", "none");
+    sv_api_headers_set(headers, "Silvista-Cell", "%s", sv_api_cell_text(answer->cell, cell, sizeof cell));
     sv_api_headers_set(headers, "Silvista-Plan", "%s",
-                       sv_api_plan_text(&answer->resolved->plan, plan, sizeof plan));
+                       sv_api_plan_text(&answer->resolved->plan, answer->cell, plan, sizeof plan));
     sv_api_camera_json(answer->resolved, camera);
     sv_api_headers_set(headers, "Silvista-Camera", "%s", camera);
-    sv_api_route(answer->resolved->camera.eye, answer->relief_distance_m, route);
+    sv_api_route(answer->resolved->cell, answer->relief_distance_m, route);
     sv_api_headers_set(headers, "Silvista-Route", "%s", route);
 }
 
@@ -136,11 +136,13 @@ static uint64_t hash_resolved(uint64_t h, const struct sv_resolved_view *v)
     const struct sv_camera *c = &v->camera;
     const double numbers[] = {
         c->vfov_rad,          c->ortho_height_m,        c->near_m,         c->far_m, v->sun.azimuth_rad,
-        v->sun.elevation_rad, v->plan.terrain_error_px, v->plan.tree_error_px};
+        v->sun.elevation_rad, v->plan.terrain_error_px, v->plan.tree_error_px,
+        v->plan.relief_distance_m};
     const uint64_t integers[] = {
         c->projection,   (uint64_t)c->width,     (uint64_t)c->height, v->air,
         v->plan.raycast, v->plan.draw_trees,     v->plan.shadows,     (uint64_t)v->plan.samples,
-        v->plan.trees,   (uint64_t)v->plan.leaf_samples};
+        v->plan.trees,   (uint64_t)v->plan.leaf_samples,
+        v->plan.relief,  (uint64_t)v->plan.relief_resolution};
     h = hash_vec(hash_vec(hash_vec(hash_vec(h, c->eye), c->right), c->up), c->forward);
     for (size_t k = 0; k < sizeof numbers / sizeof numbers[0]; k++)
         h = sv_hash_double(h, numbers[k]);
@@ -201,10 +203,10 @@ bool sv_api_etag_matches(const char *if_none_match, const char *etag)
 /* The nearest point of the lattice { (i, j, k) : i + j + k even }: round each; where the sum is odd, the
  * coordinate that rounding moved most goes to its other neighbour (Conway and Sloane 1982, "Fast quantizing
  * and decoding algorithms for lattice quantizers and codes", D_n). */
-void sv_api_route(struct sv_vec3 eye, double distance_m, char out[SV_ROUTE_BUFFER])
+void sv_api_route(struct sv_vec3 place, double distance_m, char out[SV_ROUTE_BUFFER])
 {
     distance_m = distance_m > 0 && isfinite(distance_m) ? distance_m : default_distance_m;
-    const double at[3] = {eye.x / distance_m, eye.y / distance_m, eye.z / distance_m};
+    const double at[3] = {place.x / distance_m, place.y / distance_m, place.z / distance_m};
     double cell[3], worst = -1, sum = 0;
     int which = 0;
     char text[SV_API_NUMBER_BUFFER];
@@ -288,9 +290,31 @@ const char *sv_api_plan_trees(const struct sv_plan *plan)
     return plan->trees == SV_TREES_AUTO ? "leaf+coarse" : sv_trees_name(plan->trees);
 }
 
-const char *sv_api_plan_text(const struct sv_plan *plan, char *out, size_t size)
+const char *sv_api_plan_relief(const struct sv_plan *plan)
 {
-    snprintf(out, size, "trees=%s; relief=off; samples=%d; shadows=%s", sv_api_plan_trees(plan),
-             plan->samples, plan->shadows ? "on" : "off");
+    bool forms = !plan->draw_trees || plan->trees == SV_TREES_AUTO;
+    return plan->raycast || plan->samples != 1 || !forms ? "off" : sv_relief_name(plan->relief);
+}
+
+const char *sv_api_cell_text(const struct sv_cell_use *cell, char *out, size_t size)
+{
+    static const char *const kinds[] = {
+#define X(id, text) [id] = text,
+        SV_CELL_USE_LIST(X)
+#undef X
+    };
+    unsigned kind = cell && cell->kind < SV_CELL_USE_COUNT ? cell->kind : SV_CELL_USE_NONE;
+    size_t used = (size_t)snprintf(out, size, "%s", kinds[kind]);
+    if (kind == SV_CELL_USE_HIT || kind == SV_CELL_USE_BUILT)
+        snprintf(out + used, size - used, "; id=%016" PRIx64 "; panels=%s", cell->id,
+                 cell->built == 0 && cell->refined == cell->hits ? "refined" : "drawn");
+    return out;
+}
+
+const char *sv_api_plan_text(const struct sv_plan *plan, const struct sv_cell_use *cell, char *out, size_t size)
+{
+    bool drawn = cell && (cell->kind == SV_CELL_USE_HIT || cell->kind == SV_CELL_USE_BUILT);
+    snprintf(out, size, "trees=%s; relief=%s; samples=%d; shadows=%s", sv_api_plan_trees(plan),
+             cell ? drawn ? "on" : "off" : sv_api_plan_relief(plan), plan->samples, plan->shadows ? "on" : "off");
     return out;
 }

@@ -64,6 +64,7 @@ struct sv_answer_view {
     enum sv_cache_result cache; /* a 304 that cost no drawing is a hit */
     int max_age_s;              /* 0: clients keep it but ask each time (no-cache) */
     double relief_distance_m;   /* the scene's: the size of a cell, for Silvista-Route */
+    const struct sv_cell_use *cell; /* of the picture; NULL: none was drawn, or it is not at hand */
 };
 
 /* ETag, Cache-Control, Cache-Status, Vary, Silvista-Cell, -Plan, -Camera, -Route: for 200 and 304 alike. The
@@ -83,16 +84,22 @@ void sv_api_etag_text(const char *text, size_t bytes, char out[SV_ETAG_BUFFER]);
 bool sv_api_etag_matches(const char *if_none_match, const char *etag);
 
 /* The cell of the face-centred lattice (spacing distance_m, 100 m when that is not above 0; i + j + k even)
- * that the eye is in, as "100/5001,52003,8": views of one cell have one route. */
-void sv_api_route(struct sv_vec3 eye, double distance_m, char out[SV_ROUTE_BUFFER]);
+ * that a place is in, as "100/5001,52003,8". Of a view the place is the reference point of its outermost cell
+ * (struct sv_resolved_view, cell), so that views of one cell have one route. */
+void sv_api_route(struct sv_vec3 place, double distance_m, char out[SV_ROUTE_BUFFER]);
 
 /* The resolved camera as one line of JSON: eye, target, up, vfov (degrees) or ortho_height, heading, pitch,
  * roll, convergence, size, and lon, lat where known. Without a target of the client's own, target is 1 m
  * ahead. Returns its length. */
 size_t sv_api_camera_json(const struct sv_resolved_view *resolved, char out[SV_CAMERA_JSON_BUFFER]);
 
-/* "trees=raycast; relief=off; samples=16; shadows=on". Returns out. */
-const char *sv_api_plan_text(const struct sv_plan *plan, char *out, size_t size);
+/* "hit; id=0123456789abcdef; panels=drawn", "none". Returns out. */
+const char *sv_api_cell_text(const struct sv_cell_use *cell, char *out, size_t size);
+/* "trees=raycast; relief=off; samples=16; shadows=on": relief is what was drawn, or as sv_api_plan_relief says where
+ * cell is NULL. Returns out. */
+const char *sv_api_plan_text(const struct sv_plan *plan, const struct sv_cell_use *cell, char *out, size_t size);
+/* off, on or auto: off where panels cannot draw it, auto where that is decided when it is drawn. */
+const char *sv_api_plan_relief(const struct sv_plan *plan);
 /* The form that trees are drawn in: as trees= names it, or for auto "leaf+coarse". */
 const char *sv_api_plan_trees(const struct sv_plan *plan);
 

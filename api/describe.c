@@ -99,7 +99,7 @@ static cJSON *plan(const struct sv_resolved_view *resolved, bool *good)
     const struct sv_plan *p = &resolved->plan;
     cJSON *object = cJSON_CreateObject();
     sv_api_json_add_text(object, "trees", sv_api_plan_trees(p), good);
-    sv_api_json_add_text(object, "relief", "off", good);
+    sv_api_json_add_text(object, "relief", sv_api_plan_relief(p), good);
     sv_api_json_add_number(object, "samples", p->samples, good);
     sv_api_json_add_bool(object, "shadows", p->shadows, good);
     sv_api_json_add_bool(object, "raycast", p->raycast, good);
@@ -119,7 +119,7 @@ char *sv_api_describe(const struct sv_api_description *d, size_t *bytes)
     char route[SV_ROUTE_BUFFER], version[24];
     bool good = true;
     cJSON *root = cJSON_CreateObject();
-    sv_api_route(v->camera.eye, d->relief_distance_m, route);
+    sv_api_route(v->cell, d->relief_distance_m, route);
     snprintf(version, sizeof version, "%016" PRIx64, d->scene_version);
     sv_api_json_add_text(root, "request", d->canonical, &good);
     sv_api_json_add(root, "camera", camera(v, &good), &good);

@@ -168,21 +168,21 @@ static const struct sv_field table[SV_FIELD_COUNT] = {
                          .unit = "",
                          .choices = reliefs,
                          .preset = "auto",
-                         .unbuilt_choices = 1u << SV_RELIEF_ON,
-                         .help = "How far scenery is drawn: off draws everything directly."},
+                         .help = "How far scenery is drawn: on from relief panels of the eye's cells, which are "
+                                 "built where they are missing; off directly; auto from panels that are there, or "
+                                 "that pay; paper as Koiso and Nishita do it, for comparison."},
     [SV_FIELD_RELIEF_DISTANCE] = {.type = SV_FIELD_NUMBER,
                                   .unit = "m",
-                                  .min = 1,
-                                  .max = 100000,
-                                  .unbuilt = true,
+                                  .min = 25,
+                                  .max = 400,
                                   .help = "Overrides the scene's relief distance, for measuring."},
     [SV_FIELD_RELIEF_RESOLUTION] = {.type = SV_FIELD_INTEGER,
                                     .unit = "texels",
-                                    .min = 16,
-                                    .max = 4096,
-                                    .unbuilt = true,
+                                    .min = 256,
+                                    .max = 2048,
                                     .help =
-                                        "Overrides the scene's relief resolution (texels over 90 degrees)."},
+                                        "Overrides the relief resolution (texels over 90 degrees), which is the scene's, halved "
+                                        "while that is enough for the picture."},
     [SV_FIELD_SHADOWS] =
         {.type = SV_FIELD_SWITCH,
          .unit = "",

@@ -11,6 +11,7 @@
 #include "api/fields.h"
 #include "api/json_write.h"
 #include "api/number.h"
+#include "api/patch_parse.h"
 
 static cJSON *reference(const char *group, const char *name, bool *good)
 {
@@ -206,7 +207,9 @@ static const struct {
     {"ETag", "weak; known before anything is drawn, so If-None-Match costs no drawing", SV_ANSWERS_CACHED},
     {"Cache-Control", "how long the answer keeps", SV_ANSWERS_CACHED},
     {"Cache-Status", "RFC 9211: Silvista; hit | fwd=miss; stored | fwd=miss; collapsed", SV_ANSWERS_VIEW},
-    {"Silvista-Cell", "which relief panels served it: none, hit, built or bypass; id; panels",
+    {"Silvista-Cell",
+     "which relief panels served it: hit, built (for this request), bypass (it was drawn directly) or none; id of the "
+     "eye's cell; panels=drawn or refined",
      SV_ANSWERS_VIEW},
     {"Silvista-Plan", "trees=...; relief=...; samples=...; shadows=...: how it was drawn", SV_ANSWERS_VIEW},
     {"Silvista-Camera",
@@ -361,10 +364,14 @@ static cJSON *operation(const struct sv_endpoint *endpoint, bool *good)
     sv_api_json_add(object, "parameters", list, good);
     if (endpoint->body) {
         cJSON *body = cJSON_CreateObject();
-        bool view = endpoint->built && strcmp(endpoint->path, "/v1/view") == 0;
+        static const char *const schemas[][2] = {{"postView", "View"}, {"postCells", "Views"}, {"patchScene", "Patch"}};
+        const char *schema = NULL;
+        for (size_t k = 0; k < sizeof schemas / sizeof *schemas; k++)
+            if (strcmp(endpoint->id, schemas[k][0]) == 0)
+                schema = schemas[k][1];
         sv_api_json_add_bool(body, "required", true, good);
         sv_api_json_add(body, "content",
-                        content(endpoint->body, view ? reference("schemas", "View", good) : NULL, good),
+                        content(endpoint->body, schema ? reference("schemas", schema, good) : NULL, good),
                         good);
         sv_api_json_add(object, "requestBody", body, good);
     }
@@ -418,6 +425,12 @@ static cJSON *components(bool *good)
 {
     cJSON *object = cJSON_CreateObject(), *schemas = cJSON_CreateObject();
     sv_api_json_add(schemas, "View", view_schema(good), good);
+    sv_api_json_add(schemas, "Views",
+                    cJSON_Parse("{\"type\":\"object\",\"properties\":{\"views\":{\"type\":\"array\","
+                                "\"items\":{\"$ref\":\"#/components/schemas/View\"},\"minItems\":1,"
+                                "\"maxItems\":256}},\"required\":[\"views\"],\"additionalProperties\":false}"),
+                    good);
+    sv_api_json_add(schemas, "Patch", sv_api_patch_schema(good), good);
     sv_api_json_add(schemas, "Problem", problem_schema(good), good);
     sv_api_json_add(object, "schemas", schemas, good);
     sv_api_json_add(object, "parameters", parameters(good), good);

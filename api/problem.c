@@ -38,6 +38,7 @@ static const struct {
     [SV_PROBLEM_UNDER_GROUND] = {.alone = "raise the eye over the ground there"},
     [SV_PROBLEM_OUTSIDE] = {.alone = "stay within the extent that /v1/scene tells"},
     [SV_PROBLEM_BAD_SCENE] = {.alone = "mend the scene file and reload it"},
+    [SV_PROBLEM_BAD_PATCH] = {.alone = "stay within the extent and the ids that /v1/scene tells"},
     [SV_PROBLEM_HEADERS] = {.after = ": send fewer or shorter ones",
                             .alone = "send fewer or shorter header fields"},
     [SV_PROBLEM_INTERNAL] = {.alone = "the service's log tells more under this request_id"},

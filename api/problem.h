@@ -33,6 +33,7 @@
     X(SV_PROBLEM_UNDER_GROUND, "eye-under-ground", 422, "The eye is under the ground")                  \
     X(SV_PROBLEM_OUTSIDE, "outside-scene", 422, "The place is outside the scene")                       \
     X(SV_PROBLEM_BAD_SCENE, "bad-scene", 422, "The scene cannot be loaded")                             \
+    X(SV_PROBLEM_BAD_PATCH, "bad-patch", 422, "The scene cannot be changed like that")                  \
     X(SV_PROBLEM_HEADERS, "headers-too-large", 431, "The request's headers are too large")              \
     X(SV_PROBLEM_INTERNAL, "internal", 500, "The service failed")                                       \
     X(SV_PROBLEM_VIEW_KILLS, "view-kills-workers", 500, "This view has made the renderer fail")         \

@@ -90,7 +90,7 @@ static cJSON *objects(const struct sv_scene_facts *f, bool *good)
         const char *slash = o->model ? strrchr(o->model, '/') : NULL;
         cJSON *item = cJSON_CreateObject();
         sv_api_json_add_number(item, "index", k, good);
-        sv_api_json_add_number(item, "id", (double)(SV_ID_OBJECT_FIRST + (uint32_t)k), good); /* layer=id */
+        sv_api_json_add_number(item, "id", (double)(SV_ID_OBJECT_FIRST + o->number), good); /* layer=id */
         sv_api_json_add_text(item, "model", slash ? slash + 1 : o->model,
                              good); /* the file's name: its folder is nobody's business */
         sv_api_json_add_number(item, "x", o->x, good);

@@ -116,17 +116,25 @@ enum sv_problem_kind sv_api_view_parse_json(const char *body, size_t bytes, cons
                                             const struct sv_api_view_limits *limits, struct sv_api_view *view,
                                             struct sv_errors *errors)
 {
-    struct sv_field_value values[SV_FIELD_COUNT] = {{0}};
     struct sv_error why;
     cJSON *root;
     if (sv_api_json_parse(body, bytes, &root, &why)) {
         sv_errors_add(errors, SV_EINVAL, why.field, "%s", why.message);
         return SV_PROBLEM_BAD_REQUEST;
     }
+    enum sv_problem_kind kind = sv_api_view_parse_tree(root, accept, limits, view, errors);
+    cJSON_Delete(root);
+    return kind;
+}
+
+enum sv_problem_kind sv_api_view_parse_tree(const cJSON *root, const char *accept,
+                                            const struct sv_api_view_limits *limits, struct sv_api_view *view,
+                                            struct sv_errors *errors)
+{
+    struct sv_field_value values[SV_FIELD_COUNT] = {{0}};
     if (!cJSON_IsObject(root)) {
         sv_errors_add(errors, SV_EINVAL, NULL,
                       "a view is a JSON object, like {\"x\": 500120, \"y\": 5200340}");
-        cJSON_Delete(root);
         return SV_PROBLEM_BAD_REQUEST;
     }
     const cJSON *item;
@@ -138,6 +146,5 @@ enum sv_problem_kind sv_api_view_parse_json(const char *body, size_t bytes, cons
         else
             read_member(id, item, &values[id], errors);
     }
-    cJSON_Delete(root);
     return sv_api_view_rules(values, accept, limits, view, errors);
 }

@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "api/fields.h"
 #include "api/problem.h"
 #include "core/base/error.h"
 #include "core/view/request.h"
@@ -43,6 +44,15 @@ SV_MUST_CHECK enum sv_problem_kind sv_api_view_parse_json(const char *body, size
                                                           const struct sv_api_view_limits *limits,
                                                           struct sv_api_view *view, struct sv_errors *errors);
 
+/* The same of one value of a JSON tree (<cJSON.h>) that was parsed before. */
+struct cJSON;
+SV_MUST_CHECK enum sv_problem_kind sv_api_view_parse_tree(const struct cJSON *root, const char *accept,
+                                                          const struct sv_api_view_limits *limits,
+                                                          struct sv_api_view *view, struct sv_errors *errors);
+
+/* The first field that keeps a view from being drawn from relief panels, which hold the colour of what is seen in
+ * perspective, one sample a pixel, trees in the form of auto; SV_FIELD_COUNT: none does. */
+enum sv_field_id sv_api_view_cell_bar(const struct sv_view_request *request);
 /* The samples a pixel that a request comes to when it names none: 16 for quality=reference, else 1. */
 int sv_api_view_samples(const struct sv_view_request *request);
 /* Is it ray cast (quality=reference, trees=raycast)? */

@@ -308,6 +308,29 @@ static void build_sun(struct build *b, struct sv_view_request *r)
     r->time_unix_s = number(b, SV_FIELD_TIME);
 }
 
+enum sv_field_id sv_api_view_cell_bar(const struct sv_view_request *request)
+{
+    return request->projection != SV_PROJECTION_PERSPECTIVE                           ? SV_FIELD_PROJECTION
+           : request->layers != BIT(SV_LAYER_COLOR)                                   ? SV_FIELD_LAYER
+           : request->quality == SV_QUALITY_REFERENCE                                 ? SV_FIELD_QUALITY
+           : request->trees != SV_TREES_AUTO && request->trees != SV_TREES_NONE       ? SV_FIELD_TREES
+           : sv_api_view_samples(request) != 1                                        ? SV_FIELD_SAMPLES
+                                                                                      : SV_FIELD_COUNT;
+}
+
+/* What is asked to be drawn from panels must be what they can draw, and only panels have a distance and a size. */
+static void check_relief(struct build *b, const struct sv_view_request *r)
+{
+    static const enum sv_field_id of_panels[] = {SV_FIELD_RELIEF_DISTANCE, SV_FIELD_RELIEF_RESOLUTION};
+    enum sv_field_id bar = r->relief == SV_RELIEF_ON ? sv_api_view_cell_bar(r) : SV_FIELD_COUNT;
+    if (bar != SV_FIELD_COUNT)
+        BAD(b, SV_FIELD_RELIEF,
+            "on excludes this %s: panels show layer=color in perspective, with 1 sample and trees=auto or none",
+            sv_api_field_name(bar));
+    for (size_t k = 0; k < 2 && r->relief == SV_RELIEF_OFF; k++)
+        useless(b, of_panels[k], "relief=off draws everything directly");
+}
+
 /* The configured limits. A width or height that is bad by itself has its default here, and its own error
  * already. */
 static void check_limits(struct build *b, const struct sv_view_request *r)
@@ -376,6 +399,7 @@ enum sv_problem_kind sv_api_view_rules(const struct sv_field_value *values, cons
     build_picture(&b, r);
     build_effort(&b, r);
     build_sun(&b, r);
+    check_relief(&b, r);
     check_limits(&b, r);
     if (errors->total > 0)
         return SV_PROBLEM_BAD_REQUEST;

@@ -1,7 +1,10 @@
 #include "server/wire.h"
 
 #include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -91,6 +94,8 @@ static void terminate_texts(union sv_wire_message *message)
         terminate_error(&message->resolved.error);
     if (message->head.type == SV_WIRE_DRAWN)
         terminate_error(&message->drawn.error);
+    if (message->head.type == SV_WIRE_BUILT)
+        terminate_error(&message->built.error);
 }
 
 static enum sv_status check(const union sv_wire_message *message, ssize_t got, int flags,
@@ -143,4 +148,32 @@ enum sv_status sv_wire_receive(int fd, union sv_wire_message *message, int *pass
 enum sv_status sv_wire_status(uint32_t status)
 {
     return status < SV_STATUS_COUNT ? (enum sv_status)status : SV_EINTERNAL;
+}
+
+int sv_wire_text_descriptor(const char *text, size_t bytes)
+{
+    int fd = memfd_create("silvista-text", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    if (fd < 0)
+        return -1;
+    for (size_t done = 0; done < bytes;) {
+        ssize_t n = write(fd, text + done, bytes - done);
+        if (n <= 0) {
+            close(fd);
+            return -1;
+        }
+        done += (size_t)n;
+    }
+    fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE);
+    return fd;
+}
+
+char *sv_wire_read_text(int fd, uint64_t bytes, uint64_t most)
+{
+    char *text = bytes <= most ? malloc(bytes + 1) : NULL;
+    if (!text || pread(fd, text, bytes, 0) != (ssize_t)bytes) {
+        free(text);
+        return NULL;
+    }
+    text[bytes] = '\0';
+    return text;
 }

@@ -7,21 +7,27 @@
  * does.
  *
  * daemon -> scene   FORK (fd: the worker's end of a socketpair)
- * scene  -> daemon  READY (fd: memfd with the facts as JSON), or REASON ... REASON FAILED; FORKED (fd:
- * pidfd), EXITED, FACTS (fd: memfd) daemon -> worker  RESOLVE, VIEW (fd: slab) worker -> daemon  RESOLVED,
- * DRAWN */
+ * scene  -> daemon  CELLS (fd: memfd of relief panels, before READY), READY (fd: memfd with the facts as JSON),
+ *                   or REASON ... REASON FAILED; FORKED (fd: pidfd), EXITED, FACTS (fd: memfd)
+ * daemon -> worker  RESOLVE, VIEW (fd: slab), BUILD
+ * worker -> daemon  RESOLVED, DRAWN, BUILT
+ *
+ * A patch: daemon -> scene PATCH (fd: the successor's end of a socketpair), which is forked from the scene
+ * process and told of by FOLLOWED; daemon -> successor PATCH_TEXT (fd: memfd with the body) over its own
+ * socket; there it answers PATCHED and READY, or REASON ... FAILED, and is a scene process from then on. */
 #ifndef SV_SERVER_WIRE_H
 #define SV_SERVER_WIRE_H
 
 #include <stdint.h>
 
 #include "core/base/error.h"
+#include "core/scene/change.h"
 #include "core/view/request.h"
 #include "core/view/resolved.h"
 #include "core/view/timings.h"
 
 #define SV_WIRE_MAGIC UINT32_C(0x53565751)
-enum { SV_WIRE_VERSION = 1 };
+enum { SV_WIRE_VERSION = 2 };
 
 #define SV_WIRE_LIST(X)                                    \
     X(SV_WIRE_READY, struct sv_wire_ready, ready)          \
@@ -34,6 +40,13 @@ enum { SV_WIRE_VERSION = 1 };
     X(SV_WIRE_RESOLVED, struct sv_wire_resolved, resolved) \
     X(SV_WIRE_VIEW, struct sv_wire_view, view)             \
     X(SV_WIRE_DRAWN, struct sv_wire_drawn, drawn)          \
+    X(SV_WIRE_CELLS, struct sv_wire_cells, cells)          \
+    X(SV_WIRE_BUILD, struct sv_wire_build, build)          \
+    X(SV_WIRE_BUILT, struct sv_wire_built, built)          \
+    X(SV_WIRE_PATCH, struct sv_wire_patch, patch)          \
+    X(SV_WIRE_FOLLOWED, struct sv_wire_followed, followed) \
+    X(SV_WIRE_PATCH_TEXT, struct sv_wire_patch_text, text) \
+    X(SV_WIRE_PATCHED, struct sv_wire_patched, patched)    \
     X(SV_WIRE_FACTS, struct sv_wire_facts, facts)
 
 enum sv_wire_type {
@@ -63,6 +76,11 @@ struct sv_wire_ready {
 struct sv_wire_facts { /* with a memfd: what READY brought is out of date */
     struct sv_wire_head head;
     uint64_t facts_bytes;
+};
+
+struct sv_wire_cells { /* with a memfd (server/cells_memory.h): the panels that the workers to come share */
+    struct sv_wire_head head;
+    uint64_t bytes;
 };
 
 struct sv_wire_reason { /* one reason why a scene does not load */
@@ -127,6 +145,43 @@ struct sv_wire_drawn {
     struct sv_draw_stats stats;
 };
 
+struct sv_wire_build { /* panels that the view would be drawn from */
+    struct sv_wire_head head;
+    struct sv_view_request request;
+    uint32_t most; /* panels to build at most */
+    uint32_t reserved;
+};
+
+struct sv_wire_built {
+    struct sv_wire_head head;
+    uint32_t status; /* enum sv_status; error is set when it is not SV_OK */
+    uint32_t built, left; /* panels; left: still missing */
+    uint32_t reserved;
+    uint64_t own_bytes; /* as in sv_wire_drawn */
+    struct sv_error error;
+};
+
+struct sv_wire_patch {
+    struct sv_wire_head head;
+};
+
+struct sv_wire_followed { /* the successor was forked; it is a child of the daemon */
+    struct sv_wire_head head;
+    int32_t pid; /* 0: it could not be, error_number says why */
+    int32_t error_number;
+};
+
+struct sv_wire_patch_text {
+    struct sv_wire_head head;
+    uint64_t bytes; /* in the memfd */
+};
+
+struct sv_wire_patched {
+    struct sv_wire_head head;
+    double ms; /* that the change took */
+    struct sv_scene_change change;
+};
+
 union sv_wire_message {
     struct sv_wire_head head;
 #define X(name, type, member) type member;
@@ -146,6 +201,11 @@ SV_MUST_CHECK enum sv_status sv_wire_send(int fd, const union sv_wire_message *m
  * (descriptors that came with it are closed). Texts in it are terminated. */
 SV_MUST_CHECK enum sv_status sv_wire_receive(int fd, union sv_wire_message *message, int *passed_fd,
                                              struct sv_error *error);
+
+/* A sealed memfd with the bytes; -1 with errno. */
+int sv_wire_text_descriptor(const char *text, size_t bytes);
+/* The text in one, with a NUL behind it, heap; NULL when it is not there or longer than most. */
+char *sv_wire_read_text(int fd, uint64_t bytes, uint64_t most);
 
 /* A status that came over the wire, made legal. */
 enum sv_status sv_wire_status(uint32_t status);

@@ -374,6 +374,22 @@ size_t sv_cell_cache_drop_keys(struct sv_cell_cache *cache, uint64_t generation,
     return dropped;
 }
 
+size_t sv_cell_cache_clear(struct sv_cell_cache *cache)
+{
+    size_t dropped = 0;
+    if (!lock(cache))
+        return 0;
+    for (uint32_t n = 0; n < cache->entry_count; n++) {
+        struct sv_cache_entry *e = sv_cache_entry(cache, n);
+        if (!listed(e))
+            continue;
+        doom(cache, e);
+        dropped++;
+    }
+    unlock(cache);
+    return dropped;
+}
+
 size_t sv_cell_cache_list(struct sv_cell_cache *cache, double now_s, struct sv_cell_cache_item *items,
                           size_t most)
 {

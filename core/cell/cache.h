@@ -61,11 +61,18 @@ SV_MUST_CHECK enum sv_status sv_cell_cache_make(void *memory, size_t bytes,
 SV_MUST_CHECK enum sv_status sv_cell_cache_open(void *memory, size_t bytes, struct sv_cell_cache **cache,
                                                 struct sv_error *error);
 
-/* What a panel is: its key is sv_cell_key of the parts; the shell is what it can see, for those who drop. */
+/* Light that casts shadows on a panel. */
+struct sv_cell_light {
+    struct sv_vec3 to_sun; /* unit; 0: there are no shadows */
+    double texel_m;        /* of what trees' light is taken from (core/tree/shade.h); 0: of no trees */
+};
+
+/* What a panel is: its key is sv_cell_key of the parts; shell and light are what it can see, for those who drop. */
 struct sv_cell_cache_label {
     uint64_t key; /* not 0 */
     struct sv_cell_key_parts parts;
     struct sv_cell_shell shell;
+    struct sv_cell_light light;
 };
 
 /* A panel as its reader or builder holds it. */
@@ -128,6 +135,9 @@ size_t sv_cell_cache_drop(struct sv_cell_cache *cache, uint64_t generation, doub
 /* The same for a list of keys. */
 size_t sv_cell_cache_drop_keys(struct sv_cell_cache *cache, uint64_t generation, const uint64_t *keys,
                                size_t count);
+
+/* Drops all that are there or being built, whatever their generation, which stays; returns how many. */
+size_t sv_cell_cache_clear(struct sv_cell_cache *cache);
 
 /* Copies up to `most` items that can be found or are being built, in no order; returns how many there are. */
 size_t sv_cell_cache_list(struct sv_cell_cache *cache, double now_s, struct sv_cell_cache_item *items,

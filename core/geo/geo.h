@@ -211,6 +211,9 @@ struct sv_polygons; /* opaque: (multi)polygons in the scene's CRS; read only onc
  * scene's system. */
 SV_MUST_CHECK enum sv_status sv_polygons_read(const char *path, const struct sv_crs *scene_crs,
                                               struct sv_polygons **polygons, struct sv_error *error);
+/* The same for the text of a GeoJSON object, instead of a file's. */
+SV_MUST_CHECK enum sv_status sv_polygons_parse(const char *geojson, const struct sv_crs *scene_crs,
+                                               struct sv_polygons **polygons, struct sv_error *error);
 void sv_polygons_destroy(struct sv_polygons *polygons);
 /* In any of them, holes left out; on a shared border in exactly one of two; false for NaN. 0.03 us for a
  * simple outline, 0.5 us for a jagged one of 2000 corners. */

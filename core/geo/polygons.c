@@ -319,6 +319,24 @@ enum sv_status sv_polygons_read(const char *path, const struct sv_crs *scene_crs
     return status;
 }
 
+enum sv_status sv_polygons_parse(const char *geojson, const struct sv_crs *scene_crs,
+                                 struct sv_polygons **polygons, struct sv_error *error)
+{
+    static const char path[] = "/vsimem/polygon.geojson";
+    struct sv_error own;
+    VSILFILE *file =
+        VSIFileFromMemBuffer(path, (GByte *)(uintptr_t)geojson, (vsi_l_offset)strlen(geojson), FALSE);
+    if (!file)
+        return sv_fail(error, SV_ENOMEM, "", "no memory for a polygon");
+    enum sv_status status = sv_polygons_read(path, scene_crs, polygons, &own);
+    VSIFCloseL(file);
+    VSIUnlink(path);
+    size_t named = sizeof path - 1;
+    if (status != SV_OK && strncmp(own.message, path, named) == 0 && own.message[named] == ':')
+        return sv_fail(error, status, "", "%s", own.message + named + 2);
+    return status == SV_OK ? SV_OK : sv_fail(error, status, "", "%s", own.message);
+}
+
 bool sv_polygons_bounds(const struct sv_polygons *polygons, double min[2], double max[2])
 {
     if (polygons->polygon_count == 0)

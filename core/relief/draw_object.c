@@ -248,6 +248,12 @@ void sv_object_draw_sun(struct sv_object_draw *d, struct sv_vec3 to_sun)
     sv_object_meshes_new_sun(d->meshes);
 }
 
+void sv_object_draw_forget_trees(struct sv_object_draw *d)
+{
+    for (int k = 0; k < d->scene->object_count; k++)
+        d->placed[k].taken_known = false;
+}
+
 /* The shadow map of an object's class, made when it is not there; NULL at night and without memory: then it
  * throws no shadow. */
 static const struct sv_object_sun *want_sun(struct sv_object_draw *d, int class_index)
@@ -461,7 +467,7 @@ enum sv_status sv_object_draw_view(struct sv_object_draw *d, const struct sv_gl_
         const struct placed *p = &d->placed[c->object];
         const struct bake *b = &d->bakes[d->classes[p->class_index].bake];
         double shade = shade_height(d, options, c->object), taken = taken_by_trees(d, options, c->object);
-        uint32_t id = SV_ID_OBJECT_FIRST + (uint32_t)c->object;
+        uint32_t id = SV_ID_OBJECT_FIRST + d->scene->objects[c->object].number;
         if (c->level < 0) {
             d->mesh_entries[meshes++] = (struct sv_object_mesh_entry){
                 b->model, p->class_index, p->at, id, options->shadows ? want_sun(d, p->class_index) : NULL,

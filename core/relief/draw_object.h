@@ -68,6 +68,8 @@ void sv_object_draw_sun(struct sv_object_draw *draw, struct sv_vec3 to_sun);
 /* An sv_shadow_caster (context: the sv_object_draw): casts every object whose shadow can fall on the window.
  * Silhouettes are made when first needed and kept while the sun stays. */
 void sv_object_draw_cast(void *draw, struct sv_shadow_window *window);
+/* Trees have come or gone: forgets what they keep off the objects. */
+void sv_object_draw_forget_trees(struct sv_object_draw *draw);
 /* Bytes of the relief textures of an object (shared by equal ones), coarser ones included. */
 size_t sv_object_draw_relief_bytes(const struct sv_object_draw *draw, int object);
 /* Builds the reliefs of one model into the store; needs a current GL context. What the scene process does

@@ -28,6 +28,13 @@ bool sv_loading_colors(struct sv_loading *l);
  * there are none. False after an error was added. */
 bool sv_loading_plant(const struct sv_loading *l, struct sv_tree **trees, uint32_t *count);
 
+/* Rotation of a tree, radians in [0, 2 pi), from degrees, or (NaN, infinite) from a hash of its place. */
+float sv_loading_rotation(double rotation_deg, double x, double y);
+/* An object on its ground, without its model and number. SV_EOUTSIDE. */
+SV_MUST_CHECK enum sv_status sv_loading_place(const struct sv_scene *scene, const struct sv_object_spec *spec,
+                                              struct sv_scene_object *out, struct sv_error *error);
+/* Frees what patches added (patch_apply.c). */
+void sv_scene_extras_finish(struct sv_scene *scene);
 /* The scene file's "objects": models into the arena, each file once; places on the ground. False after errors
  * were added (objects[k].model, objects[k] for a place outside the terrain). */
 bool sv_loading_objects(struct sv_loading *l);

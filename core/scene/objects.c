@@ -53,25 +53,33 @@ static bool load_model(struct sv_loading *l, int first_object, struct sv_object_
     return status == SV_OK;
 }
 
-static bool place(struct sv_loading *l, int k, int model, struct sv_scene_object *out)
+enum sv_status sv_loading_place(const struct sv_scene *scene, const struct sv_object_spec *spec,
+                                struct sv_scene_object *out, struct sv_error *error)
 {
-    const struct sv_object_spec *spec = &l->spec->objects[k];
-    const struct sv_heightfield *f = &l->scene->terrain.field;
+    const struct sv_heightfield *f = &scene->terrain.field;
     double turn = fmod(spec->heading_deg, 360);
-    *out = (struct sv_scene_object){.model = model,
-                                    .x = spec->x,
+    *out = (struct sv_scene_object){.x = spec->x,
                                     .y = spec->y,
                                     .heading_rad = sv_radians(turn < 0 ? turn + 360 : turn),
                                     .height_m = spec->height_m,
                                     .relief_resolution = spec->relief_resolution};
     if (sv_heightfield_height(f, spec->x, spec->y, &out->z))
-        return true;
+        return SV_OK;
+    return sv_fail(error, SV_EOUTSIDE, "",
+                   "x %.10g, y %.10g is outside the terrain (x %.10g .. %.10g, y %.10g .. %.10g in %s)",
+                   spec->x, spec->y, f->x0, sv_heightfield_x1(f), f->y0, sv_heightfield_y1(f),
+                   sv_crs_name(scene->crs));
+}
+
+static bool place(struct sv_loading *l, int k, int model, struct sv_scene_object *out)
+{
     struct sv_error error;
-    sv_fail(&error, SV_EOUTSIDE, "",
-            "x %.10g, y %.10g is outside the terrain (x %.10g .. %.10g, y %.10g .. %.10g in %s)", spec->x,
-            spec->y, f->x0, sv_heightfield_x1(f), f->y0, sv_heightfield_y1(f), sv_crs_name(l->scene->crs));
-    sv_loading_fail(l, &error, "objects[%d]", k);
-    return false;
+    enum sv_status status = sv_loading_place(l->scene, &l->spec->objects[k], out, &error);
+    out->model = model;
+    out->number = (uint32_t)k;
+    if (status != SV_OK)
+        sv_loading_fail(l, &error, "objects[%d]", k);
+    return status == SV_OK;
 }
 
 static bool load_all(struct sv_loading *l, int *which, int *sorted)

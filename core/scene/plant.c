@@ -111,14 +111,12 @@ static void complain_names(const struct planting *p, int entry, const struct sv_
 
 /* ---- points ---- */
 
-/* Rotation in [0, 2 pi) from degrees, or from a hash of the place when there are none. */
-static float rotation_for(const struct sv_point *q)
+float sv_loading_rotation(double rotation_deg, double x, double y)
 {
     double turns =
-        isfinite(q->rotation_deg)
-            ? q->rotation_deg / 360
-            : (double)(sv_hash_done(sv_hash_double(sv_hash_double(SV_HASH_INIT, q->x), q->y)) >> 11) *
-                  0x1p-53;
+        isfinite(rotation_deg)
+            ? rotation_deg / 360
+            : (double)(sv_hash_done(sv_hash_double(sv_hash_double(SV_HASH_INIT, x), y)) >> 11) * 0x1p-53;
     float r = (float)((turns - floor(turns)) * (2 * SV_PI));
     return r >= 0 && r < (float)(2 * SV_PI) ? r : 0;
 }
@@ -127,11 +125,12 @@ static float rotation_for(const struct sv_point *q)
 static void plant_point(struct planting *p, const struct sv_points_spec *s, const struct sv_point *q,
                         int species, struct tally *tally)
 {
-    struct sv_tree t = {.x = q->x, .y = q->y, .species = (uint16_t)species, .rotation_rad = rotation_for(q)};
+    struct sv_tree t = {.x = q->x, .y = q->y, .species = (uint16_t)species};
     if (!sv_heightfield_height(&p->l->scene->terrain.field, q->x, q->y, &t.z)) {
         tally->outside++;
         return;
     }
+    t.rotation_rad = sv_loading_rotation(q->rotation_deg, q->x, q->y);
     double h = q->height_m;
     bool absurd = !(h > 0 && h <= SV_TREE_HEIGHT_MAX_M);
     h = absurd ? s->default_height_m : h;

@@ -154,10 +154,30 @@ enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_o
     return errors->count > known ? errors->items[known].code : SV_EINTERNAL;
 }
 
+uint64_t sv_scene_loaded_version(const struct sv_scene *scene)
+{
+    return scene->patched ? scene->loaded_version : scene->version;
+}
+
+bool sv_scene_sun_at(const struct sv_scene *scene, double unix_s, struct sv_sun *sun)
+{
+    const struct sv_heightfield *f = &scene->terrain.field;
+    double x = (f->x0 + sv_heightfield_x1(f)) / 2, y = (f->y0 + sv_heightfield_y1(f)) / 2, lon, lat;
+    struct sv_sun at;
+    if (!sv_crs_to_lonlat(scene->crs, x, y, &lon, &lat))
+        return false;
+    sv_sun_position(unix_s, lon, lat, &at.azimuth_rad, &at.elevation_rad);
+    at.azimuth_rad += sv_crs_convergence_rad(scene->crs, x, y);
+    at.azimuth_rad -= 2 * SV_PI * floor(at.azimuth_rad / (2 * SV_PI));
+    *sun = at;
+    return true;
+}
+
 void sv_scene_destroy(struct sv_scene *scene)
 {
     if (!scene)
         return;
+    sv_scene_extras_finish(scene);
     sv_arena_destroy(scene->arena);
     sv_crs_destroy(scene->crs);
     sv_scene_spec_finish(&scene->spec);

@@ -30,8 +30,9 @@ struct sv_object_model {
     uint32_t object_count;
 };
 
-/* One entry of the scene file's "objects", in its order: index k is SV_ID_OBJECT_FIRST + k in layer=id. */
+/* One entry of the scene file's "objects", in its order, or one that came later. */
 struct sv_scene_object {
+    uint32_t number;    /* 0, 1, ... in the order of the scene file: its id (id.h) */
     int model;          /* index in sv_scene.models */
     double x, y, z;     /* world: where the model's anchor stands (import.h), z: the ground there */
     double heading_rad; /* clockwise from grid north that the model's -Z (north) is turned to; 0 .. 2 pi */
@@ -48,8 +49,8 @@ struct sv_scene_counts {
 
 struct sv_scene {
     char name[SV_SCENE_NAME_MAX];
-    uint64_t version; /* hash of the scene file, of every input's path, size and mtime, and of the builders'
-                         versions */
+    uint64_t version; /* of a patched scene: hash of loaded_version and patched; else hash of the scene file,
+                         of every input's path, size and mtime, and of the builders' versions */
     struct sv_crs *crs;
     struct sv_terrain terrain;
     const struct sv_species *species;
@@ -65,6 +66,13 @@ struct sv_scene {
     struct sv_scene_counts counts;
     struct sv_arena *arena;
     struct sv_scene_spec spec; /* owned */
+    /* Of a scene that was patched (patch_apply.h): */
+    uint64_t generation; /* patches since it was loaded */
+    uint64_t loaded_version;
+    uint64_t patched; /* sum of the hashes of what came, less those of what went: 0 when all is as it was */
+    uint32_t next_tree, next_object; /* numbers, at least; 0: one more than the highest */
+    struct sv_arena *forest_arena;   /* NULL: the forest is in arena */
+    struct sv_scene_extra *extras;   /* memory of species, models and objects */
 };
 
 /* One line of news while loading ("terrain: filled 9 voids ..."). level: 0 information, 1 warning. */
@@ -86,6 +94,11 @@ struct sv_scene_options {
 SV_MUST_CHECK enum sv_status sv_scene_load(struct sv_scene_spec *spec, const struct sv_scene_options *options,
                                            struct sv_scene **scene, struct sv_errors *errors);
 void sv_scene_destroy(struct sv_scene *scene);
+/* Of the scene as it was loaded, whatever it was patched to since. */
+uint64_t sv_scene_loaded_version(const struct sv_scene *scene);
+/* The sun for a moment (seconds since 1970 UTC) at the scene's centre, azimuth from grid north, 0 .. 2 pi;
+ * false (untouched) when the scene has no place on Earth. */
+bool sv_scene_sun_at(const struct sv_scene *scene, double unix_s, struct sv_sun *sun);
 
 /* One species alone (import or grow, measured, through the store): what sv_scene_load does for each; the
  * scene process calls it in forked children first, so that species build side by side into the store. Heap

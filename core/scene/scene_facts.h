@@ -24,6 +24,7 @@ struct sv_species_facts {
 };
 
 struct sv_object_facts {
+    uint32_t number; /* of its id (id.h) */
     const char *model;
     double x, y, z, heading_rad, height_m; /* z: of its base */
     int relief_resolution;

@@ -121,8 +121,8 @@ static int species_named(struct sv_value_reader *r, const char *name)
     return -1;
 }
 
-static void read_species_name(struct sv_value_reader *r, const cJSON *json, const struct sv_value_field *f,
-                              void *base)
+void sv_value_species(struct sv_value_reader *r, const cJSON *json, const struct sv_value_field *f,
+                      void *base)
 {
     int *index = (int *)(void *)((char *)base + f->offset);
     *index = -1;
@@ -293,7 +293,7 @@ static const struct sv_value_field FOREST_POINTS[] = {
     {"rotation_deg", "string", "", TEXT_BYTES, sv_value_string, NULL, IN(sv_points_spec, rotation)},
     {"crs", "string", "", TEXT_BYTES, sv_value_string, NULL, IN(sv_points_spec, crs)},
     {"where", "string", "", TEXT_BYTES, sv_value_string, NULL, IN(sv_points_spec, where)},
-    {"default_species", "string", "", NAME_BYTES, read_species_name, NULL,
+    {"default_species", "string", "", NAME_BYTES, sv_value_species, NULL,
      IN(sv_points_spec, default_species)},
     {"default_height_m", "number", "m", SV_TREE_HEIGHT_MIN_M, SV_TREE_HEIGHT_MAX_M, 12, sv_value_number, NULL,
      IN(sv_points_spec, default_height_m)},
@@ -313,9 +313,9 @@ static const struct sv_value_field SCATTER[] = {
     {"max_slope_deg", "number", "deg", 0, 90, 45, sv_value_number, NULL, IN(sv_scatter_spec, max_slope_deg)},
     {"within", "path", "", TEXT_BYTES, sv_value_path, NULL, IN(sv_scatter_spec, within)},
 };
-static const struct sv_value_section SCATTER_SECTION = SECTION(SCATTER);
+const struct sv_value_section sv_scene_scatter_section = {SCATTER, sizeof SCATTER / sizeof SCATTER[0]};
 static const struct sv_value_field FOREST_SCATTER[] = {
-    {"scatter", "object", "", 0, 0, 0, sv_value_object, &SCATTER_SECTION, 0, true},
+    {"scatter", "object", "", 0, 0, 0, sv_value_object, &sv_scene_scatter_section, 0, true},
 };
 static const struct sv_value_section FOREST_SCATTER_SECTION = SECTION(FOREST_SCATTER);
 
@@ -328,7 +328,7 @@ static const struct sv_value_field OBJECT[] = {
     {"relief_resolution", "integer", "texels", 8, 2048, 128, sv_value_int, NULL,
      IN(sv_object_spec, relief_resolution)},
 };
-static const struct sv_value_section OBJECT_SECTION = SECTION(OBJECT);
+const struct sv_value_section sv_scene_object_section = {OBJECT, sizeof OBJECT / sizeof OBJECT[0]};
 
 static const struct sv_value_field SUN[] = {
     {"azimuth_deg", "number", "deg", -360, 360, 135, sv_value_number, NULL,
@@ -429,7 +429,7 @@ static void read_objects(struct sv_value_reader *r, const cJSON *json, const str
     int k = 0;
     for (const cJSON *item = json->child; item; item = item->next, k++) {
         size_t at = sv_value_enter(r, "[%d]", k);
-        sv_value_section(r, item, &OBJECT_SECTION, &spec->objects[k]);
+        sv_value_section(r, item, &sv_scene_object_section, &spec->objects[k]);
         sv_value_leave(r, at);
     }
 }

@@ -20,7 +20,7 @@ void sv_value_complain(struct sv_value_reader *r, enum sv_status code, const cha
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    sv_errors_add(r->errors, code, r->path, "%s: %s", r->file, text);
+    sv_errors_add(r->errors, code, r->path, "%s%s%s", r->file ? r->file : "", r->file ? ": " : "", text);
 }
 
 size_t sv_value_enter(struct sv_value_reader *r, const char *format, ...)

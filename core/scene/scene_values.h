@@ -1,5 +1,5 @@
-/* scene_values.h - typed readers of JSON values, driven by tables: what scene_file.c is made of, and private
- * to it.
+/* scene_values.h - typed readers of JSON values, driven by tables: what scene_file.c is made of, and the
+ * reader of patches (api/patch_parse.h), which has some of its tables in common.
  *
  * A row (sv_value_field) says key, type, unit, legal range, default and where the value goes; a reader checks
  * a value against its row and writes it, or adds an error that names key path, value and range. Readers never
@@ -20,8 +20,8 @@ enum { SV_VALUE_FIELDS_MAX = 16, SV_VALUE_PATH_BYTES_MAX = 4096 };
 struct sv_scene_spec;
 
 struct sv_value_reader {
-    const char *file;
-    char *folder; /* of the scene file, with its slash; "" for the current one */
+    const char *file; /* begins what errors say; NULL: they say what is wrong alone */
+    char *folder;     /* of the scene file, with its slash; "" for the current one */
     bool look_for_files;
     struct sv_scene_spec *spec; /* what was read so far */
     struct sv_errors *errors;
@@ -80,6 +80,12 @@ sv_value_read sv_value_string; /* char *, NULL when absent */
 sv_value_read sv_value_path;   /* char *, resolved against the folder and, if asked, looked for */
 sv_value_read sv_value_range;  /* double[2]: [least, most] or one number; untouched when absent */
 sv_value_read sv_value_object; /* by row->section, at row->offset */
+
+sv_value_read sv_value_species; /* int: index of the scene's species of that name, -1 when absent */
+
+/* Tables of the scene file (scene_file.c): "scatter" of a forest's entry, into a struct sv_scatter_spec; an
+ * entry of "objects", into a struct sv_object_spec. */
+extern const struct sv_value_section sv_scene_scatter_section, sv_scene_object_section;
 
 /* An object by its table: unknown, duplicate and missing keys. */
 void sv_value_section(struct sv_value_reader *r, const cJSON *json, const struct sv_value_section *s,

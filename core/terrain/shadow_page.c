@@ -19,7 +19,8 @@ struct sv_shadow_pages {
     struct sv_shadow_window window; /* the one that is being filled; its light is a page's */
     uint8_t *own_light, *light;
     struct slot slots[SV_SHADOW_PAGES];
-    int slot_count; /* that hold a page */
+    int slot_count; /* that were ever used */
+    int emptied;    /* of these: those that hold no page (used is 0) */
     int buckets[BUCKETS];
     uint64_t clock, filled;
 };
@@ -103,13 +104,16 @@ static void unlink_slot(struct sv_shadow_pages *pages, int slot)
 /* A slot to fill: a fresh one, or that of the page that was wanted longest ago. */
 static int free_slot(struct sv_shadow_pages *pages)
 {
-    if (pages->slot_count < SV_SHADOW_PAGES)
+    if (pages->emptied == 0 && pages->slot_count < SV_SHADOW_PAGES)
         return pages->slot_count++;
     int oldest = 0;
-    for (int k = 1; k < SV_SHADOW_PAGES; k++)
+    for (int k = 1; k < pages->slot_count; k++)
         if (pages->slots[k].used < pages->slots[oldest].used)
             oldest = k;
-    unlink_slot(pages, oldest);
+    if (pages->slots[oldest].used)
+        unlink_slot(pages, oldest);
+    else
+        pages->emptied--;
     return oldest;
 }
 
@@ -147,6 +151,52 @@ uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, i
     *bucket = k;
     fill(pages, k);
     return (uint32_t)k * TEXELS;
+}
+
+/* ---- what is no longer so ---- */
+
+/* Of light from lower than that nothing is cast (shadow_window.h). */
+static const double LOWEST_SUN_Z = 0.004;
+
+/* May the box's shadow fall on the page? It is swept down to the field's lowest ground. */
+static bool falls_on(const struct sv_shadow_box *b, const struct slot *s, const struct sv_heightfield *f,
+                     struct sv_vec3 to_sun)
+{
+    double texel = ldexp(SV_SHADOW_PAGE_TEXEL_M, s->level), spread = 2 * texel;
+    double drop = fmax(b->max[2] - (f->z0 + (double)f->h_min), 0) / fmax(to_sun.z, LOWEST_SUN_Z);
+    const double corner[2] = {f->x0 + ((double)s->i * STEP - 1) * texel,
+                              f->y0 + ((double)s->j * STEP - 1) * texel};
+    const double shift[2] = {-to_sun.x * drop, -to_sun.y * drop};
+    /* The sweep is a parallelogram; what lies beside its axis is told by the part of it over the page. */
+    double from = 0, to = 1;
+    for (int a = 0; a < 2; a++) {
+        double lo = corner[a] - spread - b->max[a], hi = corner[a] + SIDE * texel + spread - b->min[a];
+        if (fabs(shift[a]) < 1e-9) {
+            if (lo > 0 || hi < 0)
+                return false;
+            continue;
+        }
+        double p = lo / shift[a], q = hi / shift[a];
+        from = fmax(from, fmin(p, q));
+        to = fmin(to, fmax(p, q));
+    }
+    return from <= to;
+}
+
+void sv_shadow_pages_drop(struct sv_shadow_pages *pages, uint64_t key, struct sv_vec3 to_sun,
+                          const struct sv_heightfield *field, const struct sv_shadow_box *boxes, size_t count)
+{
+    for (int k = 0; k < pages->slot_count; k++) {
+        struct slot *s = &pages->slots[k];
+        bool stale = s->key != key;
+        for (size_t b = 0; b < count && !stale; b++)
+            stale = falls_on(&boxes[b], s, field, to_sun);
+        if (!s->used || !stale)
+            continue;
+        unlink_slot(pages, k);
+        s->used = 0;
+        pages->emptied++;
+    }
 }
 
 static int pages_across(double side_m, int level)

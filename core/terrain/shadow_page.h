@@ -58,6 +58,14 @@ uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, i
 enum { SV_SHADOW_PAGES_WHOLE = 1400 };
 #define SV_SHADOW_PAGES_WHOLE_S 2.5
 int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters);
+/* What stood or stands between the sun and the ground is other: drops pages of other keys than `key`, and of
+ * these all on which the shadow of one of the boxes may fall (world, m; light from to_sun, unit). */
+struct sv_shadow_box {
+    double min[3], max[3];
+};
+void sv_shadow_pages_drop(struct sv_shadow_pages *pages, uint64_t key, struct sv_vec3 to_sun,
+                          const struct sv_heightfield *field, const struct sv_shadow_box *boxes,
+                          size_t count);
 /* Light of all pages, 255: all sunlight; reads of four bytes from any texel on are legal. */
 const uint8_t *sv_shadow_pages_light(const struct sv_shadow_pages *pages);
 

@@ -125,6 +125,38 @@ enum sv_status sv_tree_draw_create(const struct sv_tree_draw_species *species, i
     return SV_OK;
 }
 
+/* Everything that `auto` needs of a species that has got its first tree. */
+static enum sv_status add_species(struct sv_tree_draw *draw, int k, struct sv_error *error)
+{
+    draw->species[k] = (struct sv_cull_species){draw->given[k].mesh->radius};
+    enum sv_status status = sv_sprite_draw_add(draw->sprites, k, &draw->given[k], draw->store, error);
+    if (status)
+        return status;
+    sv_leaf_splat_add(draw->leaves, k, draw->given[k].mesh);
+    return obtain_ladder(draw, k, error);
+}
+
+enum sv_status sv_tree_draw_change(struct sv_tree_draw *draw, const struct sv_tree_draw_species *species,
+                                   struct sv_error *error)
+{
+    enum sv_status status = check_forest(species, draw->species_count, draw->forest, error);
+    bool came = false;
+    for (int k = 0; k < draw->species_count && !status; k++) {
+        bool built = sv_sprite_draw_shade_species(draw->sprites, k).frames, needed = species[k].tree_count > 0;
+        came = came || (needed && draw->given[k].tree_count == 0);
+        draw->given[k] = species[k];
+        if (needed && !built)
+            status = add_species(draw, k, error);
+    }
+    if (came) { /* these know which species have trees */
+        sv_mesh_draw_destroy(draw->meshes);
+        sv_cloud_draw_destroy(draw->clouds);
+        draw->meshes = NULL;
+        draw->clouds = NULL;
+    }
+    return status;
+}
+
 void sv_tree_draw_destroy(struct sv_tree_draw *draw)
 {
     if (!draw)
@@ -143,6 +175,11 @@ void sv_tree_draw_destroy(struct sv_tree_draw *draw)
     free(draw->ladders);
     free(draw->near_px);
     free(draw);
+}
+
+struct sv_shade_species sv_tree_draw_shade_species(const struct sv_tree_draw *draw, int species)
+{
+    return sv_sprite_draw_shade_species(draw->sprites, species);
 }
 
 enum sv_status sv_tree_draw_shade_create(const struct sv_tree_draw *draw, struct sv_tree_shade **shade,

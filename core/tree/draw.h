@@ -78,6 +78,12 @@ SV_MUST_CHECK enum sv_status sv_tree_draw_create(const struct sv_tree_draw_speci
                                                  int species_count, const struct sv_forest *forest,
                                                  struct sv_store *store, struct sv_tree_draw **draw,
                                                  struct sv_error *error);
+/* The forest has changed in place: species as for create, as many as before, with their trees of now. Builds what
+ * has got its first tree; what has lost its last one stays. Errors as for create (the drawing is of no use then). */
+SV_MUST_CHECK enum sv_status sv_tree_draw_change(struct sv_tree_draw *draw, const struct sv_tree_draw_species *species,
+                                                 struct sv_error *error);
+/* What the forest in sunlight needs of a species (shade.h). */
+struct sv_shade_species sv_tree_draw_shade_species(const struct sv_tree_draw *draw, int species);
 void sv_tree_draw_destroy(struct sv_tree_draw *draw);
 /* SV_EINVAL: error_px is not above 0, or the canvas does not fit. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,

@@ -21,6 +21,17 @@ static const double FRACTION_MIN = 1.0 / 256;
 
 /* ---- forms ---- */
 
+void sv_leaf_splat_add(struct sv_leaf_splat *splat, int k, const struct sv_tree_mesh *mesh)
+{
+    if (splat->species[k].mesh)
+        return;
+    splat->species[k].mesh = mesh;
+    splat->species[k].owner = k;
+    for (int i = splat->species_count - 1; i >= 0; i--)
+        if (i != k && splat->species[i].mesh == mesh)
+            splat->species[k].owner = splat->species[i].owner;
+}
+
 enum sv_status sv_leaf_splat_create(const struct sv_tree_draw_species *species, int species_count,
                                     struct sv_leaf_splat **out, struct sv_error *error)
 {
@@ -37,15 +48,9 @@ enum sv_status sv_leaf_splat_create(const struct sv_tree_draw_species *species, 
     sv_color_init();
     splat->species_count = species_count;
     splat->kernel = sv_leaf_kernel_at(sv_simd_level());
-    for (int k = 0; k < species_count; k++) {
-        if (species[k].tree_count == 0)
-            continue;
-        splat->species[k].mesh = species[k].mesh;
-        splat->species[k].owner = k;
-        for (int i = k - 1; i >= 0; i--)
-            if (splat->species[i].mesh == species[k].mesh)
-                splat->species[k].owner = i;
-    }
+    for (int k = 0; k < species_count; k++)
+        if (species[k].tree_count > 0)
+            sv_leaf_splat_add(splat, k, species[k].mesh);
     *out = splat;
     return SV_OK;
 }

@@ -54,6 +54,8 @@ SV_MUST_CHECK enum sv_status sv_leaf_splat_create(const struct sv_tree_draw_spec
                                                   int species_count, struct sv_leaf_splat **splat,
                                                   struct sv_error *error);
 void sv_leaf_splat_destroy(struct sv_leaf_splat *splat); /* NULL is legal */
+/* Lets a species have a form that had no trees before; nothing for one that may have it already. */
+void sv_leaf_splat_add(struct sv_leaf_splat *splat, int k, const struct sv_tree_mesh *mesh);
 /* Makes a species' form now. */
 SV_MUST_CHECK enum sv_status sv_leaf_splat_prepare(struct sv_leaf_splat *splat, int species,
                                                    struct sv_error *error);

@@ -7,8 +7,8 @@
 
 #include "core/tree/shade_private.h"
 
-enum sv_status sv_tree_shade_create(const struct sv_shade_species *species, int species_count,
-                                    const struct sv_forest *forest, struct sv_tree_shade **out,
+static enum sv_status look_at_trees(const struct sv_shade_species *species, int species_count,
+                                    const struct sv_forest *forest, float *height_mean,
                                     struct sv_error *error)
 {
     double height = 0;
@@ -20,6 +20,30 @@ enum sv_status sv_tree_shade_create(const struct sv_shade_species *species, int 
                            "tree %u is of species %u, which is not among the %d with an impostor",
                            tree->number, tree->species, species_count);
     }
+    *height_mean = forest->count ? (float)(height / forest->count) : 1;
+    return SV_OK;
+}
+
+/* Takes over what is known of a species; those with the same frames have one owner of their silhouettes. */
+static void know_species(struct sv_tree_shade *shade, int k, const struct sv_shade_species *species)
+{
+    shade->species[k] = *species;
+    shade->owner[k] = k;
+    for (int i = shade->species_count - 1; i >= 0 && species->frames; i--)
+        if (i != k && shade->species[i].frames == species->frames)
+            shade->owner[k] = shade->owner[i];
+    if (species->frames)
+        shade->radius_max = fmaxf(shade->radius_max, species->radius);
+}
+
+enum sv_status sv_tree_shade_create(const struct sv_shade_species *species, int species_count,
+                                    const struct sv_forest *forest, struct sv_tree_shade **out,
+                                    struct sv_error *error)
+{
+    float height_mean = 1;
+    enum sv_status status = look_at_trees(species, species_count, forest, &height_mean, error);
+    if (status)
+        return status;
     struct sv_tree_shade *shade = calloc(1, sizeof *shade);
     size_t count = (size_t)species_count + 1;
     if (shade) {
@@ -32,16 +56,9 @@ enum sv_status sv_tree_shade_create(const struct sv_shade_species *species, int 
     }
     shade->forest = forest;
     shade->species_count = species_count;
-    shade->height_mean = forest->count ? (float)(height / forest->count) : 1;
-    for (int k = 0; k < species_count; k++) {
-        shade->species[k] = species[k];
-        shade->owner[k] = k;
-        for (int i = k - 1; i >= 0 && species[k].frames; i--)
-            if (species[i].frames == species[k].frames)
-                shade->owner[k] = i;
-        if (species[k].frames)
-            shade->radius_max = fmaxf(shade->radius_max, species[k].radius);
-    }
+    shade->height_mean = height_mean;
+    for (int k = 0; k < species_count; k++)
+        know_species(shade, k, &species[k]);
     *out = shade;
     return SV_OK;
 }
@@ -136,7 +153,7 @@ static enum sv_status make_sun(struct sv_tree_shade *shade, struct sv_vec3 to_su
         }
         sun->light_axes[k] = light_axes(&sun->views[owner], &sun->axes);
     }
-    return sv_shade_stand(shade, sun, ground, ground_context, error);
+    return sv_shade_stand(shade, sun, &(struct sv_shade_terrain){ground, ground_context}, error);
 }
 
 static bool same(struct sv_vec3 a, struct sv_vec3 b)
@@ -192,6 +209,84 @@ enum sv_status sv_tree_shade_update(struct sv_tree_shade *shade, struct sv_vec3 
     return SV_OK;
 }
 
+/* ---- a change of the forest ---- */
+
+/* Species that have come get silhouettes under the sun. */
+static enum sv_status see_new_species(struct sv_tree_shade *shade, const bool *is_new,
+                                      struct sv_shade_sun *sun, struct sv_error *error)
+{
+    for (int k = 0; k < shade->species_count; k++) {
+        if (!is_new[k])
+            continue;
+        if (shade->owner[k] == k) {
+            enum sv_status status = sv_shade_view_init(&shade->species[k], &sun->axes, &sun->views[k], error);
+            if (status)
+                return status;
+        }
+        sun->light_axes[k] = light_axes(&sun->views[shade->owner[k]], &sun->axes);
+    }
+    return SV_OK;
+}
+
+/* Lights in the order of the forest as it is now. */
+static enum sv_status carry_lights(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                                   const uint32_t *from, struct sv_error *error)
+{
+    uint32_t count = shade->forest->count;
+    struct sv_tree_light *lights = calloc((size_t)count + 1, sizeof *lights);
+    if (!lights)
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory for the light on %u trees", count);
+    for (uint32_t k = 0; k < count; k++)
+        if (from[k] != SV_FOREST_CAME)
+            lights[k] = sun->lights[from[k]];
+    free(sun->lights);
+    sun->lights = lights;
+    return SV_OK;
+}
+
+static enum sv_status change_sun(struct sv_tree_shade *shade, const struct sv_tree_shade_change *change,
+                                 const bool *is_new, struct sv_shade_sun *sun, struct sv_error *error)
+{
+    struct sv_shade_terrain terrain = {change->ground, change->ground_context};
+    enum sv_status status = see_new_species(shade, is_new, sun, error);
+    if (!status)
+        status = carry_lights(shade, sun, change->from, error);
+    return status ? status
+                  : sv_shade_stand_again(shade, sun, &terrain, change->gone, change->gone_count, change->from,
+                                         error);
+}
+
+enum sv_status sv_tree_shade_change(struct sv_tree_shade *shade, const struct sv_tree_shade_change *change,
+                                    struct sv_error *error)
+{
+    bool *is_new = calloc((size_t)shade->species_count + 1, sizeof *is_new);
+    if (!is_new)
+        return sv_fail(error, SV_ENOMEM, "species", "no memory for %d species", shade->species_count);
+    enum sv_status status =
+        look_at_trees(change->species, shade->species_count, shade->forest, &shade->height_mean, error);
+    for (int k = 0; k < shade->species_count && !status; k++) {
+        is_new[k] = !shade->species[k].frames && change->species[k].frames;
+        if (is_new[k])
+            know_species(shade, k, &change->species[k]);
+    }
+    free(shade->night);
+    shade->night = NULL;
+    shade->current = NULL;
+    shade->dark = false;
+    for (int k = 0; k < SV_SHADE_SUNS; k++) {
+        struct sv_shade_sun *sun = &shade->suns[k];
+        bool kept = !status && sun->used && same(sun->axes.to_sun, change->to_sun);
+        if (kept)
+            status = change_sun(shade, change, is_new, sun, error);
+        if (kept && !status)
+            shade->current = sun;
+        else
+            finish_sun(sun, shade->species_count);
+    }
+    free(is_new);
+    return status;
+}
+
 struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade)
 {
     if (shade->dark)
@@ -199,6 +294,11 @@ struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade)
     if (!shade->current)
         return (struct sv_tree_lights){NULL, NULL};
     return (struct sv_tree_lights){shade->current->lights, shade->current->light_axes};
+}
+
+double sv_tree_shade_texel_m(const struct sv_tree_shade *shade)
+{
+    return shade->current ? shade->current->texel : 0;
 }
 
 static float hold(float v, float high)

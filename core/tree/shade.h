@@ -78,6 +78,28 @@ SV_MUST_CHECK enum sv_status sv_tree_shade_update(struct sv_tree_shade *shade, s
                                                   sv_shade_ground ground, void *ground_context,
                                                   struct sv_error *error);
 
+/* The forest has changed in place (sv_forest_turn_over). */
+struct sv_tree_shade_change {
+    const struct sv_shade_species
+        *species;               /* as many as before, borrowed for life; what has come has frames now */
+    const struct sv_tree *gone; /* trees that stood there */
+    uint32_t gone_count;
+    const uint32_t *from; /* as sv_forest_turn_over gives it */
+    struct sv_vec3
+        to_sun; /* whose light is carried over, if it is one of those kept; the others are dropped */
+    sv_shade_ground ground;
+    void *ground_context;
+};
+
+/* Finds the light of one sun again where the change can be felt: tens of milliseconds at a million trees. It
+ * is what an update would give that knows nothing of before, except when the change makes the number of tiles
+ * pass the bound at which the picture of light is made coarser; and all trees are taken again when a step of
+ * its texel's size is passed. That sun is current then, none if it was not kept. SV_ENOMEM, SV_EINVAL (the
+ * shade is of no use then). */
+SV_MUST_CHECK enum sv_status sv_tree_shade_change(struct sv_tree_shade *shade,
+                                                  const struct sv_tree_shade_change *change,
+                                                  struct sv_error *error);
+
 /* An sv_shadow_caster (context: the sv_tree_shade): casts every tree whose shadow can fall on the window.
  * Nothing before the first update, and at night. */
 void sv_tree_shade_cast(void *shade, struct sv_shadow_window *window);
@@ -89,6 +111,10 @@ double sv_tree_shade_share(const struct sv_tree_shade *shade, struct sv_vec3 pla
 
 /* Light of the current sun; valid until the next update. {NULL, NULL} before the first. */
 struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade);
+
+/* Texel of the picture of light that the current sun's lights were taken from, m: with forest and sun it tells
+ * them. 0: there are none. */
+double sv_tree_shade_texel_m(const struct sv_tree_shade *shade);
 
 /* Share of sunlight at a point p of a tree (world axes, from the foot, in heights), 0..1. Twin: tree_light in
  * core/gl/shaders/tree_light.glsl. */

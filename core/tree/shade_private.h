@@ -35,7 +35,9 @@ struct sv_shade_sun {
     struct sv_shade_view *views;           /* species_count; only owners hold texels */
     struct sv_tree_light_axes *light_axes; /* species_count */
     struct sv_tree_light *lights;          /* a tree each */
-    uint64_t used;                         /* when it was current last; 0: empty */
+    double texel,
+        fitted;    /* of the picture of light, and what would have fitted the trees; 0: none was made */
+    uint64_t used; /* when it was current last; 0: empty */
 };
 
 struct sv_tree_shade {
@@ -75,9 +77,20 @@ double sv_shade_ratio(double radius);
 /* Index of the turn that is nearest to a tree's rotation. */
 int sv_shade_turn(float rotation_rad);
 
+/* The shadow that the terrain throws; ground may be NULL. */
+struct sv_shade_terrain {
+    sv_shade_ground ground;
+    void *context;
+};
+
 /* Fills sun->lights. */
 SV_MUST_CHECK enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
-                                            sv_shade_ground ground, void *ground_context,
-                                            struct sv_error *error);
+                                            const struct sv_shade_terrain *terrain, struct sv_error *error);
+/* The same after a change, of lights that are those of before where a tree was there (from, as
+ * sv_forest_turn_over gives it); gone: trees that stood there. */
+SV_MUST_CHECK enum sv_status sv_shade_stand_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                                                  const struct sv_shade_terrain *terrain,
+                                                  const struct sv_tree *gone, uint32_t gone_count,
+                                                  const uint32_t *from, struct sv_error *error);
 
 #endif

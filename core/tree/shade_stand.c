@@ -10,8 +10,11 @@
  * those that stand nearer to the sun on the ground come first, of flat crowns those that are higher.
  *
  * The picture is kept in tiles, only where trees are, at a resolution that fits trees; where that would take
- * more than TILES_MAX tiles it is halved, which blurs outlines but keeps the amount of shade. The terrain's
- * shadow is total below its height at the foot. */
+ * more than TILES_MAX tiles it is halved, which blurs outlines but keeps the amount of shade. Its lattice is
+ * that of the world's origin, its texel one of a few a doubling: trees that come and go leave both as they
+ * are. So a change takes only the trees again that touch a tile which a changed tree touches, on tiles of
+ * which everything that falls there is taken again, and what is found is the same as if all had been. The
+ * terrain's shadow is total below its height at the foot. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,30 +26,30 @@
 
 enum { TILE = 64, TILE_TEXELS = TILE * TILE, TILES_MAX = 2048, GRID_MAX = 1 << 22, COLUMNS_MAX = 1024 };
 
-static const double TEXELS_A_TREE = 12; /* along the mean tree */
-static const double TEXELS_MAX = 384;   /* along the tallest */
+static const double TEXELS_A_TREE = 12; /* along the mean tree, up to a step of sizes */
+static const double TEXELS_MAX = 384;   /* along the tallest, the same */
+static const double TEXEL_STEPS = 4;    /* sizes a doubling */
 /* Crowns' (diameter / height) squared, as the order takes them. */
 static const double ORDER_RATIO = 0.25;
 static const float BARE_WEIGHT =
     0.02f; /* of a texel that the tree itself leaves open: answers for bare parts */
 
 struct canvas {
-    double x0, y0,
-        texel; /* place of the lower left corner on the light's plane, from the forest's origin, m */
+    double texel;           /* m; texel (i, j) of the lattice covers [i, i + 1] x [j, j + 1] of them */
+    int64_t tile_x, tile_y; /* the first tile's place among the lattice's tiles */
     uint32_t tiles_x, tiles_y, tiles;
     uint32_t *tile;  /* heap: index of the tile's texels + 1; 0: no tree is there */
     uint16_t *light; /* heap: share of light left, * SV_SHADE_FULL */
 };
 
-/* A tree on the light's plane: foot, m from the forest's origin. */
+/* A tree on the light's plane: foot, m from the world's origin. */
 struct spot {
     double x, y;
 };
 
-static struct spot spot_of(const struct sv_forest *forest, const struct sv_shade_axes *axes,
-                           const struct sv_tree *tree)
+static struct spot spot_of(const struct sv_shade_axes *axes, const struct sv_tree *tree)
 {
-    struct sv_vec3 p = sv_sub(sv_vec3(tree->x, tree->y, tree->z), forest->origin);
+    struct sv_vec3 p = sv_vec3(tree->x, tree->y, tree->z);
     return (struct spot){sv_dot(p, axes->right), sv_dot(p, axes->up)};
 }
 
@@ -58,7 +61,7 @@ static struct bounds tree_bounds(const struct sv_tree_shade *shade, const struct
                                  const struct sv_tree *tree)
 {
     const struct sv_shade_view *view = &sun->views[shade->owner[tree->species]];
-    struct spot at = spot_of(shade->forest, &sun->axes, tree);
+    struct spot at = spot_of(&sun->axes, tree);
     double h = (double)tree->height_m, reach = h * (double)view->reach;
     return (struct bounds){at.x - reach, at.y + h * (double)view->bottom, at.x + reach,
                            at.y + h * (double)view->top};
@@ -79,10 +82,28 @@ static struct bounds forest_bounds(const struct sv_tree_shade *shade, const stru
     return all;
 }
 
-static uint32_t tile_at(double v, double v0, double texel, uint32_t count)
+/* Tiles [x0, x1] x [y0, y1] of the canvas that a tree may touch. */
+struct span {
+    uint32_t x0, x1, y0, y1;
+};
+
+static uint32_t held_tile(double v, int64_t first, uint32_t count)
 {
-    double t = (v - v0) / (texel * TILE);
+    double t = v - (double)first;
     return t > 0 ? (t < count ? (uint32_t)t : count - 1) : 0;
+}
+
+/* False: none of them is on the canvas. */
+static bool span_of(const struct canvas *c, const struct bounds *b, struct span *span)
+{
+    double tile = c->texel * TILE, x0 = (b->x0 - c->texel) / tile, x1 = (b->x1 + c->texel) / tile,
+           y0 = (b->y0 - c->texel) / tile, y1 = (b->y1 + c->texel) / tile;
+    if (!(x1 >= (double)c->tile_x && x0 < (double)c->tile_x + c->tiles_x && y1 >= (double)c->tile_y &&
+          y0 < (double)c->tile_y + c->tiles_y))
+        return false;
+    *span = (struct span){held_tile(x0, c->tile_x, c->tiles_x), held_tile(x1, c->tile_x, c->tiles_x),
+                          held_tile(y0, c->tile_y, c->tiles_y), held_tile(y1, c->tile_y, c->tiles_y)};
+    return true;
 }
 
 /* Numbers the tiles that trees touch; their count, or TILES_MAX + 1 where there are more. */
@@ -93,12 +114,11 @@ static uint32_t number_tiles(const struct sv_tree_shade *shade, const struct sv_
     uint32_t made = 0;
     for (uint32_t k = 0; k < shade->forest->count; k++) {
         struct bounds b = tree_bounds(shade, sun, &shade->forest->trees[k]);
-        uint32_t x0 = tile_at(b.x0 - c->texel, c->x0, c->texel, c->tiles_x),
-                 x1 = tile_at(b.x1 + c->texel, c->x0, c->texel, c->tiles_x),
-                 y0 = tile_at(b.y0 - c->texel, c->y0, c->texel, c->tiles_y),
-                 y1 = tile_at(b.y1 + c->texel, c->y0, c->texel, c->tiles_y);
-        for (uint32_t y = y0; y <= y1; y++)
-            for (uint32_t x = x0; x <= x1; x++) {
+        struct span s;
+        if (!span_of(c, &b, &s))
+            continue;
+        for (uint32_t y = s.y0; y <= s.y1; y++)
+            for (uint32_t x = s.x0; x <= s.x1; x++) {
                 uint32_t *tile = &c->tile[(size_t)y * c->tiles_x + x];
                 if (*tile)
                     continue;
@@ -112,41 +132,61 @@ static uint32_t number_tiles(const struct sv_tree_shade *shade, const struct sv_
 
 static double tallest(const struct sv_forest *forest)
 {
-    double height = 0;
+    float height = 0;
     for (uint32_t k = 0; k < forest->count; k++)
-        height = fmax(height, (double)forest->trees[k].height_m);
-    return height;
+        height = fmaxf(height, forest->trees[k].height_m);
+    return (double)height;
+}
+
+/* The texel that fits the forest: of a few sizes, so that single trees do not change it. */
+static double fitting_texel(const struct sv_tree_shade *shade)
+{
+    double texel = fmax((double)shade->height_mean / TEXELS_A_TREE, tallest(shade->forest) / TEXELS_MAX);
+    return exp2(round(log2(texel) * TEXEL_STEPS) / TEXEL_STEPS);
 }
 
 static void lay_out(const struct bounds *b, double texel, struct canvas *c)
 {
+    double tile = texel * TILE, x0 = floor((b->x0 - 2 * texel) / tile),
+           y0 = floor((b->y0 - 2 * texel) / tile);
     c->texel = texel;
-    c->x0 = b->x0 - 2 * texel;
-    c->y0 = b->y0 - 2 * texel;
-    c->tiles_x = (uint32_t)fmin((b->x1 - c->x0 + 2 * texel) / (texel * TILE) + 1, 1e9);
-    c->tiles_y = (uint32_t)fmin((b->y1 - c->y0 + 2 * texel) / (texel * TILE) + 1, 1e9);
+    c->tile_x = (int64_t)x0;
+    c->tile_y = (int64_t)y0;
+    c->tiles_x = (uint32_t)fmin((b->x1 + 2 * texel) / tile - x0 + 1, 1e9);
+    c->tiles_y = (uint32_t)fmin((b->y1 + 2 * texel) / tile - y0 + 1, 1e9);
 }
 
-static enum sv_status canvas_init(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
-                                  struct canvas *c, struct sv_error *error)
+static enum sv_status alloc_tiles(struct canvas *c, struct sv_error *error)
 {
-    struct bounds b = forest_bounds(shade, sun);
-    double texel = fmax((double)shade->height_mean / TEXELS_A_TREE, tallest(shade->forest) / TEXELS_MAX);
-    lay_out(&b, texel, c);
-    while ((uint64_t)c->tiles_x * c->tiles_y > GRID_MAX)
-        lay_out(&b, c->texel * 2, c);
-    c->tile = malloc((size_t)c->tiles_x * c->tiles_y * sizeof *c->tile);
-    if (!c->tile)
-        return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u x %u tiles of light", c->tiles_x,
-                       c->tiles_y);
-    while ((c->tiles = number_tiles(shade, sun, c)) > TILES_MAX)
-        lay_out(&b, c->texel * 2, c);
+    c->tile = calloc((size_t)c->tiles_x * c->tiles_y, sizeof *c->tile);
+    return c->tile ? SV_OK
+                   : sv_fail(error, SV_ENOMEM, "trees", "no memory for %u x %u tiles of light", c->tiles_x,
+                             c->tiles_y);
+}
+
+static enum sv_status alloc_light(struct canvas *c, struct sv_error *error)
+{
     size_t texels = (size_t)c->tiles * TILE_TEXELS;
     c->light = malloc(texels * sizeof *c->light + 1);
     if (!c->light)
         return sv_fail(error, SV_ENOMEM, "trees", "no memory for %zu texels of light", texels);
     memset(c->light, 0xff, texels * sizeof *c->light);
     return SV_OK;
+}
+
+static enum sv_status canvas_init(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
+                                  double texel, struct canvas *c, struct sv_error *error)
+{
+    struct bounds b = forest_bounds(shade, sun);
+    lay_out(&b, texel, c);
+    while ((uint64_t)c->tiles_x * c->tiles_y > GRID_MAX)
+        lay_out(&b, c->texel * 2, c);
+    enum sv_status status = alloc_tiles(c, error);
+    if (status)
+        return status;
+    while ((c->tiles = number_tiles(shade, sun, c)) > TILES_MAX)
+        lay_out(&b, c->texel * 2, c);
+    return alloc_light(c, error);
 }
 
 static void canvas_finish(struct canvas *c)
@@ -186,24 +226,24 @@ static bool print_init(const struct canvas *c, const struct sv_shade_view *view,
     /* Texels of the last level may still be smaller than the canvas': they are grown to its size. */
     double grow = fmax(1, c->texel / (2 * texel));
     double width = p->level->width * texel, height = p->level->height * texel;
-    double left = at.x + h * (double)o->left - c->x0 - 0.5 * (grow - 1) * width;
-    double top = at.y + h * (double)o->top - c->y0 + 0.5 * (grow - 1) * height;
+    double left = at.x + h * (double)o->left - 0.5 * (grow - 1) * width;
+    double top = at.y + h * (double)o->top + 0.5 * (grow - 1) * height;
     p->thin = (float)(1 / (grow * grow));
     texel *= grow;
     width *= grow;
     height *= grow;
-    p->i0 = (int)floor((left - 0.5 * texel) / c->texel);
-    p->i1 = (int)ceil((left + width + 0.5 * texel) / c->texel);
-    p->j0 = (int)floor((top - height - 0.5 * texel) / c->texel);
-    p->j1 = (int)ceil((top + 0.5 * texel) / c->texel);
-    p->i0 = p->i0 < 0 ? 0 : p->i0;
-    p->j0 = p->j0 < 0 ? 0 : p->j0;
+    double i0 = floor((left - 0.5 * texel) / c->texel), j0 = floor((top - height - 0.5 * texel) / c->texel);
+    double first_x = (double)(c->tile_x * TILE), first_y = (double)(c->tile_y * TILE);
+    p->i0 = (int)(i0 - first_x);
+    p->i1 = (int)(ceil((left + width + 0.5 * texel) / c->texel) - first_x);
+    p->j0 = (int)(j0 - first_y);
+    p->j1 = (int)(ceil((top + 0.5 * texel) / c->texel) - first_y);
     p->step = (float)(c->texel / texel);
-    double x = (p->i0 + 0.5) * c->texel, y = (p->j0 + 0.5) * c->texel;
+    double x = (i0 + 0.5) * c->texel, y = (j0 + 0.5) * c->texel;
     p->u0 = (float)((x - left) / texel - 0.5);
     p->v0 = (float)((top - y) / texel - 0.5);
     double tall = fmax(h * ((double)view->top - (double)view->bottom), 1e-9);
-    p->row0 = (float)((y + c->y0 - at.y - h * (double)view->bottom) / tall * SV_SHADE_ROWS);
+    p->row0 = (float)((y - at.y - h * (double)view->bottom) / tall * SV_SHADE_ROWS);
     p->rows = (float)(c->texel / tall * SV_SHADE_ROWS);
     return p->i1 > p->i0 && p->j1 > p->j0 && p->i1 - p->i0 <= COLUMNS_MAX - 2 * SV_SHADE_LANES;
 }
@@ -225,7 +265,7 @@ struct columns {
 static void columns_init(const struct print *p, struct columns *columns)
 {
     float last = (float)p->level->width;
-    columns->first = p->i0 / SV_SHADE_LANES * SV_SHADE_LANES;
+    columns->first = p->i0 & ~(SV_SHADE_LANES - 1); /* rounded down, left of the canvas too */
     columns->count = (p->i1 - columns->first + SV_SHADE_LANES - 1) / SV_SHADE_LANES * SV_SHADE_LANES;
     for (int i = 0; i < columns->count; i++) {
         int at = columns->first + i;
@@ -252,14 +292,15 @@ static void mix_row(const struct kernel *kernel, const struct print *p, int j,
     kernel->mix(a, b, (1 - fv) * p->thin / 255.0f, fv * p->thin / 255.0f, width, mixed + 1);
 }
 
-/* Row j, in runs that lie in one tile. */
-static void pass_row(const struct kernel *kernel, struct canvas *c, const struct columns *columns, int j,
-                     bool far, const float *mixed, struct sv_shade_cell *cell)
+/* Row j, in runs that lie in one tile, from column begin to last - 1 of the columns, which are on the canvas.
+ */
+static void pass_row(const struct kernel *kernel, struct canvas *c, const struct columns *columns, int begin,
+                     int last, int j, bool far, const float *mixed, struct sv_shade_cell *cell)
 {
     const uint32_t *tiles = c->tile + (size_t)(j / TILE) * c->tiles_x;
-    for (int i = 0; i < columns->count;) {
+    for (int i = begin; i < last;) {
         int at = columns->first + i, end = (at / TILE + 1) * TILE - columns->first;
-        end = end < columns->count ? end : columns->count;
+        end = end < last ? end : last;
         uint32_t tile = tiles[at / TILE];
         const struct sv_shade_row row = {columns->left + i, columns->part + i, columns->bare + i, mixed,
                                          end - i};
@@ -277,14 +318,14 @@ static void pass_half(const struct kernel *kernel, struct canvas *c, const struc
     float mixed[SV_OUTLINE_SIDE + 2];
     struct columns across;
     int rows = (int)c->tiles_y * TILE, columns = (int)c->tiles_x * TILE;
-    struct print held_in = *p;
-    held_in.i1 = p->i1 < columns ? p->i1 : columns;
-    held_in.j1 = p->j1 < rows ? p->j1 : rows;
-    columns_init(&held_in, &across);
-    for (int j = held_in.j0; j < held_in.j1; j++) {
+    int j0 = p->j0 > 0 ? p->j0 : 0, j1 = p->j1 < rows ? p->j1 : rows;
+    columns_init(p, &across);
+    int begin = across.first > 0 ? 0 : -across.first, end = columns - across.first;
+    end = end < across.count ? end : across.count;
+    for (int j = j0; j < j1; j++) {
         int row = held(p->row0 + (float)(j - p->j0) * p->rows, SV_SHADE_ROWS);
-        mix_row(kernel, &held_in, j, mixed);
-        pass_row(kernel, c, &across, j, far, mixed, &cells[row]);
+        mix_row(kernel, p, j, mixed);
+        pass_row(kernel, c, &across, begin, end, j, far, mixed, &cells[row]);
     }
 }
 
@@ -327,46 +368,41 @@ static void put_light(const struct sv_shade_cell cells[SV_SHADE_ROWS], const flo
     }
 }
 
-/* Halves of all trees, in the order in which light reaches them; entry.tree: 2 * tree, + 1: the far half. */
+/* Halves of `count` trees (which[k], or k where which is NULL), in the order in which light reaches them;
+ * entry.tree: 2 * tree, + 1: the far half. */
 static enum sv_status order(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
-                            struct sv_cull_entry **entries, struct sv_cull_entry **block,
-                            struct sv_error *error)
+                            const uint32_t *which, uint32_t count, struct sv_cull_entry **entries,
+                            struct sv_cull_entry **block, struct sv_error *error)
 {
-    uint32_t count = shade->forest->count;
     struct sv_cull_entry *made = malloc(4 * ((size_t)count + 1) * sizeof *made);
     if (!made)
         return sv_fail(error, SV_ENOMEM, "trees", "no memory to sort %u trees", count);
     struct sv_vec3 towards = sv_shade_middle(&sun->axes, ORDER_RATIO);
     towards = sv_scale(towards, 1 / sv_dot(towards, sun->axes.to_sun));
     for (uint32_t k = 0; k < count; k++) {
-        const struct sv_tree *tree = &shade->forest->trees[k];
+        uint32_t index = which ? which[k] : k;
+        const struct sv_tree *tree = &shade->forest->trees[index];
         struct sv_vec3 p = sv_sub(sv_vec3(tree->x, tree->y, tree->z), shade->forest->origin);
         double h = (double)tree->height_m, radius = (double)sun->views[shade->owner[tree->species]].reach;
         p.z += SV_SHADE_MIDDLE * h;
         double at = sv_dot(p, towards), off = h * sv_shade_chord(&sun->axes, radius) * SV_SHADE_HALF;
-        made[2 * k] = (struct sv_cull_entry){sv_cull_order_code((float)-(at + off)), 2 * k};
-        made[2 * k + 1] = (struct sv_cull_entry){sv_cull_order_code((float)-(at - off)), 2 * k + 1};
+        made[2 * k] = (struct sv_cull_entry){sv_cull_order_code((float)-(at + off)), 2 * index};
+        made[2 * k + 1] = (struct sv_cull_entry){sv_cull_order_code((float)-(at - off)), 2 * index + 1};
     }
     *block = made;
     *entries = sv_cull_sort(made, made + 2 * (size_t)count, 2 * count);
     return SV_OK;
 }
 
-enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
-                              sv_shade_ground ground, void *ground_context, struct sv_error *error)
+/* Light passes the halves one after the other; wanted (NULL: all): whose light is written down. */
+static void pass(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                 const struct sv_shade_terrain *terrain, struct canvas *canvas,
+                 const struct sv_cull_entry *entries, uint32_t count, const uint8_t *wanted)
 {
-    struct canvas canvas = {0};
-    struct sv_cull_entry *entries = NULL, *block = NULL;
-    uint32_t count = shade->forest->count;
     bool wide = sv_simd_level() >= SV_SIMD_AVX2;
     const struct kernel kernel = {wide ? sv_shade_pass_avx2 : sv_shade_pass_scalar,
                                   wide ? sv_shade_mix_avx2 : sv_shade_mix_scalar};
-    if (count == 0)
-        return SV_OK;
-    enum sv_status status = canvas_init(shade, sun, &canvas, error);
-    if (!status)
-        status = order(shade, sun, &entries, &block, error);
-    for (uint32_t k = 0; !status && k < 2 * count; k++) {
+    for (uint32_t k = 0; k < count; k++) {
         bool far = entries[k].tree & 1;
         uint32_t index = entries[k].tree >> 1;
         const struct sv_tree *tree = &shade->forest->trees[index];
@@ -374,13 +410,165 @@ enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade
         struct sv_shade_cell cells[SV_SHADE_ROWS] = {{{0}, {0}}};
         struct print print;
         float lit[SV_SHADE_ROWS];
-        if (print_init(&canvas, view, &view->turn[sv_shade_turn(tree->rotation_rad)],
-                       spot_of(shade->forest, &sun->axes, tree), (double)tree->height_m, &print))
-            pass_half(&kernel, &canvas, &print, far, cells);
-        terrain_rows(view, &sun->axes, tree, ground, ground_context, lit);
+        if (print_init(canvas, view, &view->turn[sv_shade_turn(tree->rotation_rad)],
+                       spot_of(&sun->axes, tree), (double)tree->height_m, &print))
+            pass_half(&kernel, canvas, &print, far, cells);
+        if (wanted && !wanted[index])
+            continue;
+        terrain_rows(view, &sun->axes, tree, terrain->ground, terrain->context, lit);
         put_light(cells, lit, sun->lights[index].share[!far]);
+    }
+}
+
+enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                              const struct sv_shade_terrain *terrain, struct sv_error *error)
+{
+    struct canvas canvas = {0};
+    struct sv_cull_entry *entries = NULL, *block = NULL;
+    uint32_t count = shade->forest->count;
+    sun->texel = sun->fitted = 0;
+    if (count == 0)
+        return SV_OK;
+    double fitted = fitting_texel(shade);
+    enum sv_status status = canvas_init(shade, sun, fitted, &canvas, error);
+    if (!status)
+        status = order(shade, sun, NULL, count, &entries, &block, error);
+    if (!status) {
+        pass(shade, sun, terrain, &canvas, entries, 2 * count, NULL);
+        sun->texel = canvas.texel;
+        sun->fitted = fitted;
     }
     free(block);
     canvas_finish(&canvas);
+    return status;
+}
+
+/* ---- a change ---- */
+
+enum { CHANGED = 1, AGAIN = 2 };
+
+/* Does a tree touch a tile of the kind? Marks its tiles with `mark`. */
+static bool touches(struct canvas *c, const struct bounds *b, uint32_t kind, uint32_t mark)
+{
+    struct span s;
+    bool any = false;
+    if (!span_of(c, b, &s))
+        return false;
+    for (uint32_t y = s.y0; y <= s.y1 && !any; y++)
+        for (uint32_t x = s.x0; x <= s.x1 && !any; x++)
+            any = c->tile[(size_t)y * c->tiles_x + x] & kind;
+    for (uint32_t y = s.y0; y <= s.y1 && any && mark; y++)
+        for (uint32_t x = s.x0; x <= s.x1; x++)
+            c->tile[(size_t)y * c->tiles_x + x] |= mark;
+    return any;
+}
+
+/* The part of the lattice that a change can reach: tiles that changed trees touch, and a tree's width about
+ * them. */
+static void reach_of_change(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
+                            const struct sv_tree *const lists[2], const uint32_t counts[2], struct canvas *c)
+{
+    struct bounds all = {INFINITY, INFINITY, -INFINITY, -INFINITY};
+    double across = 0, up = 0;
+    for (int l = 0; l < 2; l++)
+        for (uint32_t k = 0; k < counts[l]; k++) {
+            struct bounds b = tree_bounds(shade, sun, &lists[l][k]);
+            all.x0 = fmin(all.x0, b.x0);
+            all.y0 = fmin(all.y0, b.y0);
+            all.x1 = fmax(all.x1, b.x1);
+            all.y1 = fmax(all.y1, b.y1);
+        }
+    for (int k = 0; k < shade->species_count; k++) {
+        const struct sv_shade_view *v = &sun->views[shade->owner[k]];
+        across = fmax(across, 2 * (double)v->reach);
+        up = fmax(up, (double)v->top - (double)v->bottom);
+    }
+    double tall = tallest(shade->forest), tile = sun->texel * TILE;
+    across = across * tall + 2 * tile;
+    up = up * tall + 2 * tile;
+    lay_out(&(struct bounds){all.x0 - across, all.y0 - up, all.x1 + across, all.y1 + up}, sun->texel, c);
+}
+
+/* Trees whose light is found again (wanted), and those that fall on the same tiles (which, *count). */
+static void choose_trees(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun, struct canvas *c,
+                         uint8_t *wanted, uint32_t *which, uint32_t *count)
+{
+    const struct sv_forest *forest = shade->forest;
+    for (uint32_t k = 0; k < forest->count; k++) {
+        struct bounds b = tree_bounds(shade, sun, &forest->trees[k]);
+        wanted[k] = touches(c, &b, CHANGED, AGAIN);
+    }
+    *count = 0;
+    for (uint32_t k = 0; k < forest->count; k++) {
+        struct bounds b = tree_bounds(shade, sun, &forest->trees[k]);
+        if (touches(c, &b, AGAIN, 0))
+            which[(*count)++] = k;
+    }
+    c->tiles = 0;
+    for (size_t k = 0; k < (size_t)c->tiles_x * c->tiles_y; k++)
+        c->tile[k] = c->tile[k] & AGAIN ? ++c->tiles : 0;
+}
+
+static enum sv_status take_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                                 const struct sv_shade_terrain *terrain, const struct sv_tree *const lists[2],
+                                 const uint32_t counts[2], struct canvas *c, struct sv_error *error)
+{
+    size_t trees = shade->forest->count;
+    uint8_t *wanted = malloc(trees);
+    uint32_t *which = malloc(trees * sizeof *which), count;
+    struct sv_cull_entry *entries = NULL, *block = NULL;
+    enum sv_status status = alloc_tiles(c, error);
+    if (!status && (!wanted || !which))
+        status = sv_fail(error, SV_ENOMEM, "trees", "no memory to choose among %zu trees", trees);
+    for (int l = 0; l < 2 && !status; l++)
+        for (uint32_t k = 0; k < counts[l]; k++) {
+            struct bounds b = tree_bounds(shade, sun, &lists[l][k]);
+            struct span s;
+            for (uint32_t y = span_of(c, &b, &s) ? s.y0 : UINT32_MAX; y <= s.y1 && y != UINT32_MAX; y++)
+                for (uint32_t x = s.x0; x <= s.x1; x++)
+                    c->tile[(size_t)y * c->tiles_x + x] |= CHANGED;
+        }
+    if (!status) {
+        choose_trees(shade, sun, c, wanted, which, &count);
+        status = alloc_light(c, error);
+    }
+    if (!status)
+        status = order(shade, sun, which, count, &entries, &block, error);
+    if (!status)
+        pass(shade, sun, terrain, c, entries, 2 * count, wanted);
+    free(block);
+    free(which);
+    free(wanted);
+    return status;
+}
+
+enum sv_status sv_shade_stand_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                                    const struct sv_shade_terrain *terrain, const struct sv_tree *gone,
+                                    uint32_t gone_count, const uint32_t *from, struct sv_error *error)
+{
+    uint32_t count = shade->forest->count, came = 0;
+    if (count == 0 || sun->fitted != fitting_texel(shade))
+        return sv_shade_stand(shade, sun, terrain, error);
+    for (uint32_t k = 0; k < count; k++)
+        came += from[k] == SV_FOREST_CAME;
+    struct sv_tree *come = malloc((came + (size_t)1) * sizeof *come);
+    if (!come)
+        return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u trees", came);
+    came = 0;
+    for (uint32_t k = 0; k < count; k++)
+        if (from[k] == SV_FOREST_CAME)
+            come[came++] = shade->forest->trees[k];
+    const struct sv_tree *const lists[2] = {gone, come};
+    const uint32_t counts[2] = {gone_count, came};
+    struct canvas canvas = {0};
+    enum sv_status status = SV_OK;
+    if (came || gone_count) {
+        reach_of_change(shade, sun, lists, counts, &canvas);
+        status = (uint64_t)canvas.tiles_x * canvas.tiles_y > GRID_MAX
+                     ? sv_shade_stand(shade, sun, terrain, error)
+                     : take_again(shade, sun, terrain, lists, counts, &canvas, error);
+    }
+    canvas_finish(&canvas);
+    free(come);
     return status;
 }

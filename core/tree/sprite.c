@@ -93,6 +93,24 @@ static float reach_of(const struct sv_tree_mesh *mesh)
     return 1.05f * sqrtf(r * r + 0.3f);
 }
 
+enum sv_status sv_sprite_draw_add(struct sv_sprite_draw *draw, int k, const struct sv_tree_draw_species *species,
+                                  struct sv_store *store, struct sv_error *error)
+{
+    struct species *s = &draw->species[k];
+    enum sv_status status = SV_OK;
+    if (draw->known[k].atlas)
+        return SV_OK;
+    s->mesh = species->mesh;
+    s->owner = k;
+    for (int i = draw->species_count - 1; i >= 0; i--)
+        if (i != k && draw->species[i].mesh == s->mesh)
+            s->owner = draw->species[i].owner;
+    if (s->owner == k)
+        status = build_species(species, store, s, error);
+    draw->known[k] = (struct sv_sprite_species){draw->species[s->owner].atlas, reach_of(s->mesh)};
+    return status;
+}
+
 enum sv_status sv_sprite_draw_create(const struct sv_tree_draw_species *species, int species_count,
                                      struct sv_store *store, struct sv_sprite_draw **out,
                                      struct sv_error *error)
@@ -113,18 +131,9 @@ enum sv_status sv_sprite_draw_create(const struct sv_tree_draw_species *species,
     draw->species_count = species_count;
     draw->steps = sv_simd_level() >= SV_SIMD_AVX2 ? &sv_sprite_avx2 : &sv_sprite_scalar;
     enum sv_status status = SV_OK;
-    for (int k = 0; !status && k < species_count; k++) {
-        struct species *s = &draw->species[k];
-        s->owner = k;
-        if (species[k].tree_count == 0)
-            continue;
-        s->mesh = species[k].mesh;
-        for (int i = k - 1; i >= 0; i--)
-            s->owner = draw->species[i].mesh == s->mesh ? i : s->owner;
-        if (s->owner == k)
-            status = build_species(&species[k], store, s, error);
-        draw->known[k] = (struct sv_sprite_species){draw->species[s->owner].atlas, reach_of(s->mesh)};
-    }
+    for (int k = 0; !status && k < species_count; k++)
+        if (species[k].tree_count > 0)
+            status = sv_sprite_draw_add(draw, k, &species[k], store, error);
     if (status) {
         sv_sprite_draw_destroy(draw);
         return status;

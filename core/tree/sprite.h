@@ -28,6 +28,10 @@ struct sv_sprite_draw;
 SV_MUST_CHECK enum sv_status sv_sprite_draw_create(const struct sv_tree_draw_species *species,
                                                    int species_count, struct sv_store *store,
                                                    struct sv_sprite_draw **draw, struct sv_error *error);
+/* Builds a species that had no trees before; nothing for one that is there. */
+SV_MUST_CHECK enum sv_status sv_sprite_draw_add(struct sv_sprite_draw *draw, int k,
+                                                const struct sv_tree_draw_species *species,
+                                                struct sv_store *store, struct sv_error *error);
 void sv_sprite_draw_destroy(struct sv_sprite_draw *draw); /* NULL is legal */
 
 /* Bakes one species' atlas into the store, unless it is there. */

@@ -53,9 +53,10 @@ static struct grid_ray to_grid(const struct sv_terrain_patches *patches, const s
                              ray->direction.z};
 }
 
-/* Crossing of the ray with the plane through the corner heights of one half of a cell. a is the height at (0, 0) of the
- * half's own corner frame: z = a + u (b - a) + v (c - a). inside tells which (u, v) belong to this half; its edges are
- * widened by a hair, and the surface is continuous there, so no ray slips between two halves. */
+/* Crossing of the ray with the plane through the corner heights of one half of a cell. a is the height at (0,
+ * 0) of the half's own corner frame: z = a + u (b - a) + v (c - a). inside tells which (u, v) belong to this
+ * half; its edges are widened by a hair, and the surface is continuous there, so no ray slips between two
+ * halves. */
 static const double hair = 1e-9;
 
 struct half {
@@ -79,7 +80,8 @@ static bool cell_hit(const struct sv_heightfield *f, const struct grid_ray *r, i
     const float *p = f->h + (size_t)j * (size_t)f->width + (size_t)i;
     double h00 = (double)p[0], h10 = (double)p[1], h01 = (double)p[f->width], h11 = (double)p[f->width + 1];
     bool even = ((i + j) & 1) == 0;
-    /* even: halves v <= u (00, 10, 11) and v >= u (00, 11, 01); odd: u + v <= 1 (00, 10, 01) and u + v >= 1. */
+    /* even: halves v <= u (00, 10, 11) and v >= u (00, 11, 01); odd: u + v <= 1 (00, 10, 01) and u + v >= 1.
+     */
     struct half halves[2];
     if (even) {
         halves[0] = (struct half){h00, h10 - h00, h11 - h10};
@@ -129,8 +131,8 @@ bool sv_terrain_patch_intersect(const struct sv_terrain_patches *patches, unsign
     double enter = t_min, leave = t_max;
     if (!clip(r.i, r.di, i0 - hair, i1 + hair, &enter, &leave) ||
         !clip(r.j, r.dj, j0 - hair, j1 + hair, &enter, &leave) ||
-        !clip(r.z, r.dz, (double)patches->range[patch][0] - 1e-6, (double)patches->range[patch][1] + 1e-6, &enter,
-              &leave))
+        !clip(r.z, r.dz, (double)patches->range[patch][0] - 1e-6, (double)patches->range[patch][1] + 1e-6,
+              &enter, &leave))
         return false;
     int i = (int)sv_clamp(floor(r.i + enter * r.di), i0, i1 - 1);
     int j = (int)sv_clamp(floor(r.j + enter * r.dj), j0, j1 - 1);
@@ -167,8 +169,10 @@ static void bounds(const struct RTCBoundsFunctionArguments *args)
     int j1 = (row + 1) * CELLS < f->height - 1 ? (row + 1) * CELLS : f->height - 1;
     double x0 = f->x0 - p->origin.x, y0 = f->y0 - p->origin.y, z0 = f->z0 - p->origin.z;
     const float *range = p->range[args->primID];
-    /* Widened by the float steps that narrowing rays and boxes may cost (relative 2^-22 of the coordinate, and 1 mm). */
-    double x = x0 + column * CELLS * f->dx, x1 = x0 + i1 * f->dx, y = y0 + row * CELLS * f->dy, y1 = y0 + j1 * f->dy;
+    /* Widened by the float steps that narrowing rays and boxes may cost (relative 2^-22 of the coordinate,
+     * and 1 mm). */
+    double x = x0 + column * CELLS * f->dx, x1 = x0 + i1 * f->dx, y = y0 + row * CELLS * f->dy,
+           y1 = y0 + j1 * f->dy;
     double pad_x = 1e-3 + fmax(fabs(x), fabs(x1)) * 0x1p-22, pad_y = 1e-3 + fmax(fabs(y), fabs(y1)) * 0x1p-22;
     double pad_z = 1e-3 + fmax(fabs(z0 + (double)range[0]), fabs(z0 + (double)range[1])) * 0x1p-22;
     struct RTCBounds *o = args->bounds_o;

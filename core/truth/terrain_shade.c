@@ -39,8 +39,8 @@ void sv_terrain_shade(const struct sv_terrain *terrain, double x, double y, doub
     double gi = (x - f->x0) / f->dx, gj = (y - f->y0) / f->dy;
     struct taps t;
     const struct sv_image *image = &terrain->albedo;
-    find_taps(gi / (f->width - 1) * image->width - 0.5, gj / (f->height - 1) * image->height - 0.5, image->width,
-              image->height, &t);
+    find_taps(gi / (f->width - 1) * image->width - 0.5, gj / (f->height - 1) * image->height - 0.5,
+              image->width, image->height, &t);
     const uint8_t *p = image->data;
     for (int c = 0; c < 3; c++)
         albedo[c] = blend(&t, sv_linear_from_srgb8[p[t.at[0] * 4 + (size_t)c]],

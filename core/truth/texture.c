@@ -17,7 +17,8 @@ static int wrap(int i, int n)
 
 static void find_taps(const struct sv_image *image, float u, float v, struct taps *taps)
 {
-    /* Into [0, 1) first: a texture coordinate of 1e6 still has its fraction, and the cast below stays legal. */
+    /* Into [0, 1) first: a texture coordinate of 1e6 still has its fraction, and the cast below stays legal.
+     */
     float x = (u - floorf(u)) * (float)image->width - 0.5f, y = (v - floorf(v)) * (float)image->height - 0.5f;
     if (!(x >= -1 && x <= (float)image->width) || !(y >= -1 && y <= (float)image->height))
         x = y = 0; /* NaN and infinity in a model */

@@ -10,32 +10,27 @@
 #include "core/cell/crown_warp.h"
 #include "core/cell/panel_ground.h"
 #include "core/relief/warp.h"
+#include "core/view/cells_change.h"
 #include "core/view/compose.h"
 #include "core/view/panels.h"
+#include "core/view/rings.h"
 
-/* Rings of crowns go inward to about CROWNS_INNER_M: crowns are up to some 5 m wide, and a crown may reach
- * half the way across its ring's plane. Ground has no width: it goes on inward. */
-#define CROWNS_INNER_M 6.0
-#define GROUND_INNER_M 1.5
-/* The outermost ring is that many scene distances away: crowns far behind one another, that move apart when
- * the eye does, are then in rings of their own. */
-#define OUTWARD 4
-/* Lattice step over distance, and from which height over the ground on reference points are at the tops of
- * cells. */
-#define PITCH 0.05
-#define TOP_AGL_M 3000.0
-/* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and
- * their depth is that of their middle where they are far). */
+/* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and their
+ * depth is that of their middle where they are far). */
 #define BEHIND 0.01f
+/* Pixels that a texel may be wide in the middle of the picture: crowns of larger ones are squares. */
+#define TEXEL_PX_MAX 4
 
 /* Leaves of trees this near are pixels large: more samples cost more than they mend. */
 enum { NEAR_LEAF_SAMPLES = 1 };
-enum { PINS_MAX = SV_CELL_RINGS_MAX * SV_CELL_FACES };
+enum held { HELD_NOT, HELD_SHARED, HELD_OWN };
 
 /* Panels that a view is drawn from. */
 struct seen {
     int ring;
     enum sv_cell_face face;
+    unsigned layer;
+    enum held held; /* in the cache, or in memory of this process */
     struct sv_panel panel;
     struct sv_cell_cache_panel pin;
 };
@@ -52,7 +47,7 @@ struct sv_cells {
     float (*light)[4];
     uint8_t (*rgba)[4]; /* ground and sky */
     uint8_t *hidden;
-    struct seen seen[PINS_MAX];
+    struct seen seen[SV_CELLS_PANELS_MAX];
     int seen_count;
 };
 
@@ -100,8 +95,12 @@ void sv_cells_destroy(struct sv_cells *cells)
     free(cells);
 }
 
-static enum sv_status want_band(struct sv_cells *c, int width, int row_first, int row_count,
-                                struct sv_error *error)
+void sv_cells_use_slot(struct sv_cells *cells, unsigned slot)
+{
+    cells->options.slot = slot;
+}
+
+static enum sv_status want_band(struct sv_cells *c, int width, int row_first, int row_count, struct sv_error *error)
 {
     if (c->width == width && c->row_first == row_first && c->row_count == row_count)
         return SV_OK;
@@ -130,17 +129,19 @@ bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 {
     return view->camera.projection == SV_PROJECTION_PERSPECTIVE && !view->plan.raycast &&
            view->plan.samples == 1 && layers == 1u << SV_LAYER_COLOR &&
+           2 * sv_camera_focal_px(&view->camera) <= TEXEL_PX_MAX * view->plan.relief_resolution &&
            (!view->plan.draw_trees || view->plan.trees == SV_TREES_AUTO);
 }
 
 struct frame {
     const struct sv_resolved_view *view;
-    bool sky, build, top;
-    struct sv_cell_rings rings;
-    struct sv_cell_place chain[SV_CELL_RINGS_MAX];
-    int crowns_first; /* innermost ring of crowns */
-    int ground_ring;  /* -1: drawn directly */
+    bool sky, build;
+    bool ahead;    /* only builds, */
+    uint32_t most; /* so many panels */
+    struct sv_view_rings at;
+    int ground_ring; /* -1: drawn directly */
     int size;
+    struct sv_cell_light light;
     uint64_t light_key, scene_key;
     double planes[5][4];
     struct sv_cells_report *report;
@@ -182,104 +183,142 @@ static double now(const struct sv_cells *c)
 
 static void release(struct sv_cells *c)
 {
-    for (int k = 0; k < c->seen_count; k++)
-        sv_cell_cache_unpin(c->options.cache, c->options.slot, &c->seen[k].pin);
+    for (int k = 0; k < c->seen_count; k++) {
+        if (c->seen[k].held == HELD_SHARED)
+            sv_cell_cache_unpin(c->options.cache, c->options.slot, &c->seen[k].pin);
+        else if (c->seen[k].held == HELD_OWN)
+            free(c->seen[k].pin.data);
+    }
     c->seen_count = 0;
 }
 
-static struct sv_cell_cache_label label_of(const struct frame *f, int ring, enum sv_cell_face face,
-                                           unsigned layer)
+static struct sv_cell_cache_label label_of(const struct frame *f, const struct seen *s)
 {
-    struct sv_cell_cache_label label = {.parts = {.place = f->chain[ring],
-                                                  .face = face,
-                                                  .layer = (int)layer,
+    struct sv_cell_cache_label label = {.parts = {.place = f->at.chain[s->ring],
+                                                  .face = s->face,
+                                                  .layer = (int)s->layer,
                                                   .size = f->size,
                                                   .light = f->light_key,
                                                   .scene = f->scene_key},
-                                        .shell = sv_cell_shell(&f->rings, &f->chain[ring], f->top)};
-    label.key = sv_cell_key(&f->rings, &label.parts);
+                                        .shell = sv_cell_shell(&f->at.rings, &f->at.chain[s->ring], f->at.top),
+                                        .light = f->light};
+    label.key = sv_cell_key(&f->at.rings, &label.parts);
     return label;
 }
 
-static enum sv_status build(struct sv_cells *c, const struct frame *f,
-                            const struct sv_cell_cache_label *label, unsigned layer,
-                            struct sv_cell_cache_panel *pin, struct sv_error *error)
+/* Memory for a panel: in the cache, or of this process where the cache has none to give. Nothing, while others build
+ * it or there is no room, unless it must be. */
+static enum sv_status reserve(struct sv_cells *c, const struct sv_cell_cache_label *label, size_t bytes, bool must,
+                              struct seen *s, struct sv_error *error)
 {
-    double since = now(c);
-    uint64_t generation = 0;
-    struct sv_panels_order order = {.about = {.key = label->key,
+    if (sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false, c->scene->generation,
+                              now(c) * 1e-3, &s->pin) == SV_CELL_CACHE_GRANTED) {
+        s->held = HELD_SHARED;
+    } else if (must) {
+        s->pin = (struct sv_cell_cache_panel){.data = aligned_alloc(4096, (bytes + 4095) / 4096 * 4096),
+                                              .bytes = bytes};
+        if (!s->pin.data)
+            return sv_fail(error, SV_ENOMEM, "relief", "no memory for a panel of %zu bytes", bytes);
+        s->held = HELD_OWN;
+    }
+    return SV_OK;
+}
+
+static struct sv_panels_order order_of(const struct frame *f, const struct sv_cell_cache_label *label)
+{
+    return (struct sv_panels_order){.about = {.key = label->key,
                                               .place = label->parts.place,
                                               .distance_m = label->shell.distance_m,
                                               .face = label->parts.face,
                                               .size = f->size,
-                                              .layers = layer},
+                                              .layers = (unsigned)label->parts.layer},
                                     .shell = label->shell,
                                     .view = f->view};
+}
+
+static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
+                            bool must, struct seen *s, struct sv_error *error)
+{
+    double since = now(c);
+    struct sv_panels_order order = order_of(f, label);
     enum sv_status status = sv_panels_size(c->panels, &order, &order.about.size, error);
     if (status)
         return status;
-    size_t bytes = sv_panel_bytes(order.about.size, layer);
-    enum sv_cell_cache_answer answer = sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes,
-                                                             false, generation, since * 1e-3, pin);
-    if (answer != SV_CELL_CACHE_GRANTED)
-        return sv_fail(error, SV_ELIMIT, "relief", "there is no room for a panel of %zu bytes", bytes);
-    status = sv_panels_draw(c->panels, &order, pin->data, pin->bytes, error);
-    if (status) {
-        sv_cell_cache_unpin(c->options.cache, c->options.slot, pin);
+    size_t bytes = sv_panel_bytes(order.about.size, s->layer);
+    status = reserve(c, label, bytes, must, s, error);
+    if (status || s->held == HELD_NOT)
         return status;
-    }
+    status = sv_panels_draw(c->panels, &order, s->pin.data, s->pin.bytes, error);
+    if (status)
+        return status;
     double ms = now(c) - since;
-    sv_cell_cache_commit(c->options.cache, c->options.slot, pin, bytes, ms * 1e-3, now(c) * 1e-3);
+    if (s->held == HELD_SHARED)
+        sv_cell_cache_commit(c->options.cache, c->options.slot, &s->pin, bytes, ms * 1e-3, now(c) * 1e-3);
     f->report->built++;
     f->report->ms[SV_STAGE_CELL] = fmax(f->report->ms[SV_STAGE_CELL], 0) + ms;
     return SV_OK;
 }
 
-static enum sv_status obtain(struct sv_cells *c, const struct frame *f, int ring, enum sv_cell_face face,
-                             unsigned layer, struct sv_error *error)
+static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool must, struct seen *s,
+                             struct sv_error *error)
 {
-    struct sv_cell_cache_label label = label_of(f, ring, face, layer);
-    struct seen *s = &c->seen[c->seen_count];
+    struct sv_cell_cache_label label = label_of(f, s);
     enum sv_status status = SV_OK;
-    if (sv_cell_cache_find(c->options.cache, c->options.slot, label.key, 0, now(c) * 1e-3, &s->pin) ==
-        SV_CELL_CACHE_HIT) {
+    if (sv_cell_cache_find(c->options.cache, c->options.slot, label.key, c->scene->generation, now(c) * 1e-3,
+                           &s->pin) == SV_CELL_CACHE_HIT) {
+        s->held = HELD_SHARED;
         f->report->hits++;
         f->report->refined += s->pin.refined;
     } else if (!f->build) {
         return sv_fail(error, SV_ENOENT, "relief", "a panel of the cell is missing");
+    } else if (f->report->built >= f->most) {
+        f->report->left++;
     } else {
-        status = build(c, f, &label, layer, &s->pin, error);
+        status = build(c, f, &label, must, s, error);
     }
-    if (status)
-        return status;
-    s->ring = ring;
-    s->face = face;
-    c->seen_count++;
-    return sv_panel_open(s->pin.data, s->pin.bytes, &s->panel, error);
+    return status || s->held == HELD_NOT ? status : sv_panel_open(s->pin.data, s->pin.bytes, &s->panel, error);
 }
 
+static void want(struct sv_cells *c, const struct frame *f, int ring, double distance_m, unsigned layer)
+{
+    for (int face = 0; face < SV_CELL_FACES; face++)
+        if (face_in_view(f, f->at.chain[ring].v, distance_m, (enum sv_cell_face)face))
+            c->seen[c->seen_count++] = (struct seen){.ring = ring, .face = (enum sv_cell_face)face, .layer = layer};
+}
+
+static void want_all(struct sv_cells *c, const struct frame *f)
+{
+    if (f->ground_ring >= 0)
+        want(c, f, f->ground_ring, f->at.rings.distance_m[f->ground_ring], SV_PANEL_GROUND);
+    for (int ring = f->at.crowns_first; ring < f->at.rings.count && f->view->plan.draw_trees; ring++)
+        want(c, f, ring, f->at.rings.distance_m[ring] / 2, SV_PANEL_CROWNS);
+}
+
+/* What others are building is left for the end: two processes that want the same panels share the work. */
 static enum sv_status obtain_all(struct sv_cells *c, const struct frame *f, struct sv_error *error)
 {
     enum sv_status status = SV_OK;
-    for (int face = 0; face < SV_CELL_FACES && !status && f->ground_ring >= 0; face++)
-        if (face_in_view(f, f->chain[f->ground_ring].v, f->rings.distance_m[f->ground_ring],
-                         (enum sv_cell_face)face))
-            status = obtain(c, f, f->ground_ring, (enum sv_cell_face)face, SV_PANEL_GROUND, error);
-    for (int ring = f->crowns_first; ring < f->rings.count && !status && f->view->plan.draw_trees; ring++)
-        for (int face = 0; face < SV_CELL_FACES && !status; face++)
-            if (face_in_view(f, f->chain[ring].v, f->rings.distance_m[ring] / 2, (enum sv_cell_face)face))
-                status = obtain(c, f, ring, (enum sv_cell_face)face, SV_PANEL_CROWNS, error);
+    want_all(c, f);
+    for (int round = 0; round < (f->ahead ? 1 : 2); round++)
+        for (int k = 0; k < c->seen_count && !status; k++)
+            if (c->seen[k].held == HELD_NOT)
+                status = obtain(c, f, round > 0, &c->seen[k], error);
     return status;
 }
 
-/* All of the light that panels hold, and of the scene: panels of another key are others. */
-static void make_keys(const struct sv_cells *c, struct frame *f)
+/* All of the light that panels hold, and of the scene but what patches change: panels of another key are others. Where
+ * the forest's numbers count from is a matter of rounding. */
+static enum sv_status make_keys(const struct sv_cells *c, struct frame *f, struct sv_error *error)
 {
     const struct sv_resolved_view *v = f->view;
+    enum sv_status status = sv_direct_light(c->direct, v, &f->light, error);
     uint64_t h = sv_hash_double(sv_hash_double(SV_HASH_INIT, v->sun.azimuth_rad), v->sun.elevation_rad);
     h = sv_hash_u64(h, (uint64_t)v->plan.shadows | (uint64_t)v->air << 1 | (uint64_t)v->plan.draw_trees << 2);
-    f->light_key = sv_hash_double(h, v->plan.tree_error_px);
-    f->scene_key = c->scene->version;
+    f->light_key = sv_hash_double(sv_hash_double(h, v->plan.tree_error_px), f->light.texel_m);
+    struct sv_vec3 o = c->scene->forest.origin;
+    h = sv_hash_u64(SV_HASH_INIT, sv_scene_loaded_version(c->scene));
+    f->scene_key = sv_hash_done(sv_hash_double(sv_hash_double(sv_hash_double(h, o.x), o.y), o.z));
+    return status;
 }
 
 /* Top and bottom of a band of rows, half a pixel outside of it as sv_camera_planes has them. */
@@ -298,26 +337,33 @@ static void band_planes(const struct sv_camera *camera, int first, int end, doub
     }
 }
 
+/* Where the eye is among cells, and what all of its picture sees. */
+static enum sv_status look_around(struct sv_cells *c, struct frame *f, struct sv_error *error)
+{
+    const struct sv_resolved_view *view = f->view;
+    f->size = view->plan.relief_resolution;
+    if (!sv_view_rings(view, &f->at))
+        return sv_fail(error, SV_EINVAL, "relief_distance", "there are no cells of that distance here");
+    f->ground_ring = sv_panels_free_ring(c->panels, &f->at.rings, f->at.chain);
+    enum sv_status status = make_keys(c, f, error);
+    if (status)
+        return status;
+    sv_camera_planes(&view->camera, f->planes);
+    return SV_OK;
+}
+
 static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_error *error)
 {
     const struct sv_resolved_view *view = f->view;
-    sv_cell_rings_make(c->scene->relief_distance_m * OUTWARD, GROUND_INNER_M, PITCH, &f->rings);
-    f->top = view->camera.eye.z - view->ground_z > TOP_AGL_M;
-    f->size = c->scene->relief_resolution;
-    if (!sv_cell_chain(&f->rings, view->camera.eye, f->top, f->chain))
-        return sv_fail(error, SV_EINVAL, "relief_distance", "there are no cells of that distance here");
-    f->crowns_first = 0;
-    while (f->crowns_first < f->rings.count - 1 && f->rings.distance_m[f->crowns_first] < CROWNS_INNER_M)
-        f->crowns_first++;
-    f->ground_ring = sv_panels_free_ring(c->panels, &f->rings, f->chain);
-    make_keys(c, f);
-    sv_camera_planes(&view->camera, f->planes);
+    enum sv_status status = look_around(c, f, error);
+    if (status)
+        return status;
     band_planes(&view->camera, c->row_first, c->row_first + c->row_count, f->planes);
     f->report->ground_direct = f->ground_ring < 0;
-    f->report->id = sv_cell_key(&f->rings, &(struct sv_cell_key_parts){.place = f->chain[f->crowns_first],
-                                                                       .size = f->size,
-                                                                       .light = f->light_key,
-                                                                       .scene = f->scene_key});
+    f->report->id = sv_cell_key(&f->at.rings, &(struct sv_cell_key_parts){.place = f->at.chain[f->at.crowns_first],
+                                                                         .size = f->size,
+                                                                         .light = f->light_key,
+                                                                         .scene = f->scene_key});
     return obtain_all(c, f, error);
 }
 
@@ -467,7 +513,7 @@ static void warp_crowns(struct sv_cells *c, const struct frame *f)
         c->light[k][3] = 1;
     }
     sv_crown_buffer_begin(c->crowns);
-    for (int ring = f->crowns_first; ring < f->rings.count; ring++) {
+    for (int ring = f->at.crowns_first; ring < f->at.rings.count; ring++) {
         struct sv_crown_source sources[SV_CELL_FACES];
         unsigned count = 0;
         for (int k = 0; k < c->seen_count; k++) {
@@ -490,9 +536,8 @@ static void warp_crowns(struct sv_cells *c, const struct frame *f)
 static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8_t *rgba,
                                 struct sv_draw_stats *stats, struct sv_error *error)
 {
-    struct sv_cell_place first = f->chain[f->crowns_first];
-    struct sv_tree_shell shell = {
-        .inner_m = -1, .outer = first.v, .outer_m = f->rings.distance_m[f->crowns_first]};
+    struct sv_cell_place first = f->at.chain[f->at.crowns_first];
+    struct sv_tree_shell shell = {.inner_m = -1, .outer = first.v, .outer_m = f->at.rings.distance_m[f->at.crowns_first]};
     struct sv_canvas canvas = {.width = c->width,
                                .height = f->view->camera.height,
                                .row_first = c->row_first,
@@ -513,16 +558,49 @@ static double since(const struct sv_cells *c, struct sv_cells_report *report, en
     return t;
 }
 
-enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky,
-                             int row_first, int row_count, bool build, uint8_t *rgba,
-                             struct sv_cells_report *report, struct sv_draw_stats *stats,
-                             struct sv_error *error)
+static void clear(struct sv_cells_report *report)
 {
-    struct sv_cells *c = cells;
-    struct frame f = {.view = view, .sky = sky, .build = build, .report = report};
     *report = (struct sv_cells_report){0};
     for (int k = 0; k < SV_STAGE_COUNT; k++)
         report->ms[k] = -1;
+}
+
+enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_view *view,
+                               struct sv_cells_panel panels[SV_CELLS_PANELS_MAX], int *count,
+                               struct sv_error *error)
+{
+    struct sv_cells_report report;
+    struct frame f = {.view = view, .report = &report};
+    enum sv_status status = look_around(cells, &f, error);
+    if (status)
+        return status;
+    want_all(cells, &f);
+    for (int k = 0; k < cells->seen_count; k++) {
+        panels[k].label = label_of(&f, &cells->seen[k]);
+        panels[k].order = order_of(&f, &panels[k].label);
+    }
+    *count = cells->seen_count;
+    release(cells);
+    return SV_OK;
+}
+
+enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
+                              struct sv_cells_report *report, struct sv_error *error)
+{
+    struct frame f = {.view = view, .build = true, .ahead = true, .most = most, .report = report};
+    clear(report);
+    enum sv_status status = choose(cells, &f, error);
+    release(cells);
+    return status;
+}
+
+enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky, int row_first,
+                             int row_count, bool build, uint8_t *rgba, struct sv_cells_report *report,
+                             struct sv_draw_stats *stats, struct sv_error *error)
+{
+    struct sv_cells *c = cells;
+    struct frame f = {.view = view, .sky = sky, .build = build, .most = UINT32_MAX, .report = report};
+    clear(report);
     enum sv_status status = want_band(c, view->camera.width, row_first, row_count, error);
     if (!status)
         status = choose(c, &f, error);
@@ -548,4 +626,9 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
         status = draw_near(c, &f, rgba, stats, error);
     since(c, report, SV_STAGE_NEAR, t);
     return status;
+}
+
+void sv_cells_changed(struct sv_cells *cells, const struct sv_scene_change *change)
+{
+    (void)sv_cells_change_drop(cells->options.cache, cells->scene, change, now(cells) * 1e-3);
 }

@@ -15,6 +15,7 @@
 
 #include "core/cell/cache.h"
 #include "core/view/direct.h"
+#include "core/view/panels.h"
 #include "core/view/picture.h"
 
 struct sv_cells;
@@ -33,24 +34,46 @@ void sv_cells_destroy(struct sv_cells *cells); /* NULL is legal */
 
 /* What a view is drawn with. */
 struct sv_cells_report {
-    uint64_t id;               /* of the eye's innermost cell; stays while the eye does */
-    uint32_t hits, built;      /* panels: that were there, that were built for this view */
-    uint32_t refined;          /* of hits */
-    uint64_t hole_pixels;      /* of the ground before filling */
-    uint64_t holes_left;       /* ... and after */
-    bool ground_direct;        /* the ground was drawn directly */
+    uint64_t id;           /* of the eye's innermost cell; stays while the eye does */
+    uint32_t hits, built;  /* panels: that were there, that were built for this view */
+    uint32_t refined;      /* of hits */
+    uint64_t hole_pixels;  /* of the ground before filling */
+    uint64_t holes_left;   /* ... and after */
+    uint32_t left;         /* panels that are missing still (sv_cells_build) */
+    bool ground_direct;    /* the ground was drawn directly */
     double ms[SV_STAGE_COUNT]; /* cell, warp, near, composite; negative: did not run */
 };
 
 /* Whether the view can be drawn from cells at all: perspective, one sample, colour alone, trees in the form
- * auto. */
+ * auto, texels of at most 4 pixels. */
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers);
-/* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB,
- * premultiplied; alpha 255 everywhere where sky is true). Only if every panel is there already where build is
- * false: else SV_ENOENT, with nothing drawn. */
-SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view,
-                                           bool sky, int row_first, int row_count, bool build, uint8_t *rgba,
+/* This process, which was forked since, has that slot of the cache. */
+void sv_cells_use_slot(struct sv_cells *cells, unsigned slot);
+/* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB, premultiplied;
+ * alpha 255 everywhere where sky is true). Only if every panel is there already where build is false: else SV_ENOENT,
+ * with nothing drawn. A panel that others are building, or that the cache has no room for, is built for this view
+ * alone, in memory that goes with it. */
+SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky,
+                                           int row_first, int row_count, bool build, uint8_t *rgba,
                                            struct sv_cells_report *report, struct sv_draw_stats *stats,
                                            struct sv_error *error);
+/* Builds panels that the view needs and that are neither there nor being built by others, at most `most` of them;
+ * report->left tells how many that leaves. What the cache has no room for is not built. Errors of sv_panels_draw. */
+SV_MUST_CHECK enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
+                                            struct sv_cells_report *report, struct sv_error *error);
+/* The scene has changed in place, and what direct drawing keeps of it: drops what the change can be seen on
+ * (cells_change.h). Before any process of the scene as it is now draws. */
+void sv_cells_changed(struct sv_cells *cells, const struct sv_scene_change *change);
+
+/* A panel as it is kept, and as it is drawn at full size. */
+struct sv_cells_panel {
+    struct sv_cell_cache_label label;
+    struct sv_panels_order order; /* borrows the view */
+};
+enum { SV_CELLS_PANELS_MAX = (SV_CELL_RINGS_MAX + 1) * SV_CELL_FACES };
+/* The panels that the whole of a view is drawn from, there or not, near ones first. */
+SV_MUST_CHECK enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_view *view,
+                                             struct sv_cells_panel panels[SV_CELLS_PANELS_MAX], int *count,
+                                             struct sv_error *error);
 
 #endif

@@ -8,42 +8,8 @@
 #include "core/base/color.h"
 #include "core/base/hash.h"
 #include "core/cell/panel_ground.h"
-#include "core/gl/context.h"
 #include "core/gl/frame.h"
-#include "core/gl/target.h"
-#include "core/relief/draw_object.h"
-#include "core/terrain/draw.h"
-#include "core/terrain/ground.h"
-#include "core/tree/draw.h"
-#include "core/tree/shade.h"
-
-/* What a place of the sun costs once: kept while it stays. */
-struct sun_shadow {
-    bool made;
-    struct sv_shadow_height terrain;
-};
-
-/* A framebuffer and what is read back from it. Two are kept: pictures and panels take turns. */
-struct direct_target {
-    struct sv_gl_target *gl;
-    int width, height;
-    unsigned layers;
-    struct sv_image ground_color, ground_depth; /* of the target's size, or empty */
-};
-enum { TARGETS = 2 };
-
-struct sv_direct {
-    const struct sv_scene *scene;
-    struct sv_gl_context *gl;
-    struct sv_terrain_draw *terrain;
-    struct sv_tree_draw *trees;     /* NULL: no trees */
-    struct sv_object_draw *objects; /* NULL: the scene has none */
-    struct sv_tree_shade *shade;    /* NULL: no trees */
-    struct sv_ground *ground;
-    struct sv_shadow_pages *pages;
-    struct sun_shadow scene_sun, other_sun; /* the scene's own is made before any fork */
-    struct direct_target targets[TARGETS];  /* the last one used first */
-};
+#include "core/view/direct_private.h"
 
 static void finish_target(struct direct_target *target)
 {
@@ -71,7 +37,7 @@ void sv_direct_destroy(struct sv_direct *direct)
     free(direct);
 }
 
-static enum sv_status create_trees(struct sv_direct *r, struct sv_store *store, struct sv_error *error)
+enum sv_status sv_direct_make_trees(struct sv_direct *r, struct sv_store *store, struct sv_error *error)
 {
     const struct sv_scene *scene = r->scene;
     if (scene->forest.count == 0)
@@ -113,19 +79,25 @@ static enum sv_status want_sun(struct sv_direct *r, struct sv_vec3 to_sun, struc
     return is_sun(*sun, to_sun) ? SV_OK : make_sun(r, *sun, to_sun, error);
 }
 
-static enum sv_status create_shadows(struct sv_direct *r, struct sv_error *error)
+enum sv_status sv_direct_make_sun(struct sv_direct *r, bool trees, struct sv_error *error)
 {
     struct sv_light light;
     sv_light_from_sun(&r->scene->sun, &light);
-    enum sv_status status = sv_shadow_pages_create(&r->pages, error);
-    if (!status && light.to_sun.z > 0)
+    enum sv_status status = SV_OK;
+    if (!is_sun(&r->scene_sun, light.to_sun) && light.to_sun.z > 0)
         status = make_sun(r, &r->scene_sun, light.to_sun, error);
-    if (!status && r->trees)
+    if (!status && r->trees && !r->shade)
         status = sv_tree_draw_shade_create(r->trees, &r->shade, error);
-    if (!status && r->shade && light.to_sun.z > 0)
+    if (!status && r->shade && trees && light.to_sun.z > 0)
         status =
             sv_tree_shade_update(r->shade, light.to_sun, sv_shadow_height_at, &r->scene_sun.terrain, error);
     return status;
+}
+
+uint64_t sv_direct_shadow_key(struct sv_vec3 to_sun, bool trees)
+{
+    uint64_t key = sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, to_sun.x), to_sun.y), to_sun.z);
+    return sv_hash_u64(key, trees);
 }
 
 /* Everything that keeps the sun at to_sun (above the horizon) off the ground, ready to be asked for. */
@@ -138,8 +110,7 @@ static enum sv_status use_shadows(struct sv_direct *r, struct sv_vec3 to_sun, bo
         return status;
     struct sv_shadow_scene scene = {.field = &r->scene->terrain.field, .terrain = &sun->terrain};
     trees = trees && r->shade;
-    scene.key = sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, to_sun.x), to_sun.y), to_sun.z);
-    scene.key = sv_hash_u64(scene.key, trees);
+    scene.key = sv_direct_shadow_key(to_sun, trees);
     if (trees) {
         status = sv_tree_shade_update(r->shade, to_sun, sv_shadow_height_at, &sun->terrain, error);
         if (status)
@@ -191,11 +162,13 @@ enum sv_status sv_direct_create(const struct sv_scene *scene, struct sv_store *s
     if (!status)
         status = sv_ground_create(&scene->terrain, &r->ground, error);
     if (!status)
-        status = create_trees(r, store, error);
+        status = sv_direct_make_trees(r, store, error);
     if (!status && scene->object_count > 0)
         status = sv_object_draw_create(scene, store, &r->objects, error);
     if (!status)
-        status = create_shadows(r, error);
+        status = sv_shadow_pages_create(&r->pages, error);
+    if (!status)
+        status = sv_direct_make_sun(r, true, error);
     if (status) {
         sv_direct_destroy(r);
         return status;
@@ -443,6 +416,23 @@ enum sv_status sv_direct_sees_trees(struct sv_direct *r, const struct sv_resolve
     return status;
 }
 
+enum sv_status sv_direct_light(struct sv_direct *r, const struct sv_resolved_view *view,
+                               struct sv_cell_light *light, struct sv_error *error)
+{
+    struct sv_gl_frame frame;
+    bool shadows;
+    frame_of(view, 0, 0, &frame);
+    enum sv_status status = prepare_shadows(r, view, &frame, &shadows, error);
+    if (status)
+        return status;
+    *light = (struct sv_cell_light){0};
+    if (shadows)
+        light->to_sun = frame.light.to_sun;
+    if (shadows && r->shade && view->plan.draw_trees)
+        light->texel_m = sv_tree_shade_texel_m(r->shade);
+    return SV_OK;
+}
+
 enum sv_status sv_direct_shade_ground(struct sv_direct *r, const struct sv_resolved_view *view, bool sky,
                                       int row_first, int row_count, const float *depth, const uint8_t *hidden,
                                       uint8_t *rgba, struct sv_error *error)
@@ -475,10 +465,8 @@ enum sv_status sv_direct_ground_panel(struct sv_direct *r, const struct sv_resol
     enum sv_status status = prepare_shadows(r, view, &frame, &shadows, error);
     if (status)
         return status;
-    struct sv_panel_ground_options options = {.sweep = *sweep,
-                                              .ground = r->ground,
-                                              .light = &frame.light,
-                                              .shadows = shadows ? r->pages : NULL};
+    struct sv_panel_ground_options options = {
+        .sweep = *sweep, .ground = r->ground, .light = &frame.light, .shadows = shadows ? r->pages : NULL};
     sv_panel_ground_make(&options, q, color);
     return SV_OK;
 }

@@ -4,8 +4,9 @@
 #ifndef SV_VIEW_DIRECT_H
 #define SV_VIEW_DIRECT_H
 
+#include "core/cell/cache.h"
 #include "core/cell/sweep.h"
-#include "core/scene/scene.h"
+#include "core/scene/patch_apply.h"
 #include "core/tree/draw.h"
 #include "core/view/picture.h"
 #include "core/view/resolved.h"
@@ -21,6 +22,12 @@ SV_MUST_CHECK enum sv_status sv_direct_create(const struct sv_scene *scene, stru
 void sv_direct_destroy(struct sv_direct *direct); /* NULL is legal */
 /* As sv_renderer_warm_shadows. */
 SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, struct sv_error *error);
+
+/* As sv_renderer_change: the scene has changed in place. The light of a new sun at more than
+ * SV_DIRECT_SUN_TREES trees is left to the first view that wants it. */
+enum { SV_DIRECT_SUN_TREES = 300000 };
+SV_MUST_CHECK enum sv_status sv_direct_change(struct sv_direct *direct, const struct sv_scene_delta *delta,
+                                              struct sv_store *store, struct sv_error *error);
 
 struct sv_direct_pass {
     unsigned layers;               /* bit set of 1u << enum sv_layer, not 0 */
@@ -47,6 +54,10 @@ SV_MUST_CHECK enum sv_status sv_direct_sees_trees(struct sv_direct *direct,
                                                   const struct sv_resolved_view *view,
                                                   const struct sv_tree_shell *shell, bool *any,
                                                   struct sv_error *error);
+/* What casts shadows in the view, made ready. */
+SV_MUST_CHECK enum sv_status sv_direct_light(struct sv_direct *direct, const struct sv_resolved_view *view,
+                                             struct sv_cell_light *light, struct sv_error *error);
+
 /* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth
  * alone (0: sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB.
  * All planes hold rows row_first .. row_first + row_count - 1 (at least one). */

@@ -64,18 +64,24 @@ double sv_panels_ground_reach(int size)
     return 1 + 2.0 / size;
 }
 
-/* The view from the reference point through the face, to tangents of reach; near plane at near_m. */
-static struct sv_resolved_view face_view(const struct sv_panels_order *order, double reach, double near_m)
+struct sv_camera sv_panels_camera(const struct sv_panels_order *order)
+{
+    bool crowns = order->about.layers & SV_PANEL_CROWNS;
+    struct sv_camera c = {.eye = order->about.place.v,
+                          .projection = SV_PROJECTION_PERSPECTIVE,
+                          .vfov_rad = 2 * atan(crowns ? 1 : sv_panels_ground_reach(order->about.size)),
+                          .width = order->about.size,
+                          .height = order->about.size,
+                          .near_m = crowns ? order->about.distance_m / 2 : order->about.distance_m};
+    sv_cell_face_axes(order->about.face, &c.right, &c.up, &c.forward);
+    return c;
+}
+
+/* The view from the reference point through the face. */
+static struct sv_resolved_view face_view(const struct sv_panels_order *order)
 {
     struct sv_resolved_view view = *order->view;
-    struct sv_camera *c = &view.camera;
-    *c = (struct sv_camera){.eye = order->about.place.v,
-                            .projection = SV_PROJECTION_PERSPECTIVE,
-                            .vfov_rad = 2 * atan(reach),
-                            .width = order->about.size,
-                            .height = order->about.size,
-                            .near_m = near_m};
-    sv_cell_face_axes(order->about.face, &c->right, &c->up, &c->forward);
+    view.camera = sv_panels_camera(order);
     view.plan.samples = 1;
     view.plan.leaf_samples = PANEL_LEAF_SAMPLES;
     return view;
@@ -93,7 +99,7 @@ enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_o
     bool any = true;
     enum sv_status status = SV_OK;
     if (order->about.layers & SV_PANEL_CROWNS) {
-        struct sv_resolved_view view = face_view(order, 1, order->about.distance_m / 2);
+        struct sv_resolved_view view = face_view(order);
         struct sv_tree_shell shell = tree_shell(order);
         status = sv_direct_sees_trees(panels->direct, &view, &shell, &any, error);
     }
@@ -113,7 +119,7 @@ static enum sv_status draw_crowns(struct sv_panels *p, const struct sv_panels_or
         return status;
     memset(p->color, 0, 4 * pixels);
     memset(p->depth, 0, pixels * sizeof *p->depth);
-    struct sv_resolved_view view = face_view(order, 1, order->about.distance_m / 2);
+    struct sv_resolved_view view = face_view(order);
     struct sv_canvas canvas = {.width = order->about.size,
                                .height = order->about.size,
                                .row_count = order->about.size,
@@ -161,8 +167,7 @@ static void take_ground(const struct sv_picture *picture, size_t pixels, const s
 static enum sv_status draw_opaque(struct sv_panels *p, const struct sv_panels_order *order,
                                   const struct sv_panel_room *room, struct sv_error *error)
 {
-    struct sv_resolved_view view =
-        face_view(order, sv_panels_ground_reach(order->about.size), order->about.distance_m);
+    struct sv_resolved_view view = face_view(order);
     struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH};
     struct sv_picture picture = {0};
     enum sv_status status = sv_picture_alloc(&view.camera, pass.layers, &picture, error);

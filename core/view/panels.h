@@ -24,6 +24,8 @@ struct sv_panels_order {
     const struct sv_resolved_view *view;
 };
 
+/* The camera at its reference point that sees its face, a pixel a texel. */
+struct sv_camera sv_panels_camera(const struct sv_panels_order *order);
 /* Texels a side that it needs: order->about.size, or SV_PANEL_SIZE_MIN of a panel of crowns that shows none.
  */
 SV_MUST_CHECK enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_order *order,

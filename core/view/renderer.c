@@ -8,6 +8,7 @@
 #include "core/base/color.h"
 #include "core/view/cells.h"
 #include "core/view/cells_paper.h"
+#include "core/view/cells_refine.h"
 #include "core/view/direct.h"
 #include "core/truth/truth.h"
 
@@ -15,8 +16,13 @@ struct sv_renderer {
     const struct sv_scene *scene;
     struct sv_direct *direct;
     struct sv_truth *truth;
-    struct sv_cells *cells;       /* NULL: none */
+    struct sv_cells *cells; /* NULL: none */
     struct sv_cells_paper *paper; /* NULL: not asked for yet */
+    struct sv_cells_refiner *refiner; /* NULL: not used yet */
+    struct sv_cell_cache *cache;
+    unsigned slot; /* of cache */
+    double direct_ms[SV_CELL_ADMIT_KINDS]; /* means; 0: not measured */
+    struct sv_cells_report report; /* of the last view drawn from cells */
     sv_clock_ms clock;
 };
 
@@ -24,6 +30,7 @@ void sv_renderer_destroy(struct sv_renderer *renderer)
 {
     if (!renderer)
         return;
+    sv_cells_refiner_destroy(renderer->refiner);
     sv_truth_destroy(renderer->truth);
     sv_cells_destroy(renderer->cells);
     sv_cells_paper_destroy(renderer->paper);
@@ -41,6 +48,8 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     r->clock = options->clock;
     enum sv_status status = sv_direct_create(scene, options->store, &r->direct, error);
     if (!status && options->cells) {
+        r->cache = options->cells;
+        r->slot = options->cells_slot;
         struct sv_cells_options cells = {options->cells, options->cells_slot, options->clock};
         status = sv_cells_create(scene, r->direct, &cells, &r->cells, error);
     }
@@ -54,9 +63,78 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
     return SV_OK;
 }
 
+void sv_renderer_use_cells_slot(struct sv_renderer *renderer, int slot)
+{
+    renderer->slot = slot >= 0 ? (unsigned)slot : 0;
+    if (renderer->cells && slot >= 0)
+        sv_cells_use_slot(renderer->cells, (unsigned)slot);
+    else
+        renderer->cells = NULL; /* it goes with the process: what was there before a fork is not freed */
+}
+
+enum sv_status sv_renderer_build_cells(struct sv_renderer *renderer, const struct sv_view_request *request,
+                                       const struct sv_resolved_view *view, uint32_t most, uint32_t *built,
+                                       uint32_t *left, struct sv_error *error)
+{
+    struct sv_cells_report report = {0};
+    enum sv_status status = SV_OK;
+    if (renderer->cells && view->plan.relief != SV_RELIEF_OFF && sv_cells_can(view, request->layers))
+        status = sv_cells_build(renderer->cells, view, most, &report, error);
+    if (!status) {
+        *built = report.built;
+        *left = report.left;
+    }
+    return status;
+}
+
+static enum sv_status want_truth(struct sv_renderer *r, struct sv_error *error)
+{
+    return r->truth ? SV_OK : sv_truth_create(r->scene, &r->truth, error);
+}
+
+enum sv_status sv_renderer_refine_cells(struct sv_renderer *renderer, const struct sv_view_request *request,
+                                        const struct sv_resolved_view *view,
+                                        const struct sv_cells_refine_options *options,
+                                        struct sv_cells_refine_report *report, struct sv_error *error)
+{
+    struct sv_renderer *r = renderer;
+    *report = (struct sv_cells_refine_report){0};
+    if (!r->cells || view->plan.relief == SV_RELIEF_OFF || !sv_cells_can(view, request->layers))
+        return SV_OK;
+    enum sv_status status = want_truth(r, error);
+    struct sv_cells_options cells = {r->cache, r->slot, r->clock};
+    if (!status && !r->refiner)
+        status = sv_cells_refiner_create(r->scene, r->truth, r->cells, &cells, &r->refiner, error);
+    return status ? status : sv_cells_refine(r->refiner, view, options, report, error);
+}
+
 enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error)
 {
     return sv_direct_warm_shadows(renderer->direct, error);
+}
+
+static enum sv_status change_truth(struct sv_renderer *r, const struct sv_scene_delta *delta,
+                                   struct sv_error *error)
+{
+    struct sv_truth_change change = {.gone = delta->gone,
+                                     .gone_count = delta->change.trees_removed,
+                                     .came = delta->came,
+                                     .came_count = delta->change.trees_added,
+                                     .objects = delta->objects};
+    return r->truth && (delta->trees || delta->objects) ? sv_truth_change(r->truth, &change, error) : SV_OK;
+}
+
+enum sv_status sv_renderer_change(struct sv_renderer *r, const struct sv_scene_delta *delta,
+                                  struct sv_store *store, struct sv_error *error)
+{
+    if (r->refiner)
+        sv_cells_refiner_drop(r->refiner);
+    enum sv_status status = sv_direct_change(r->direct, delta, store, error);
+    if (!status)
+        status = change_truth(r, delta, error);
+    if (!status && r->cells)
+        sv_cells_changed(r->cells, &delta->change);
+    return status;
 }
 
 static double now(const struct sv_renderer *r)
@@ -167,25 +245,39 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
     return status;
 }
 
+/* Measured times of drawing directly, of pictures of 2^kind pixels: what drawing from cells saves is counted by them. */
+static int kind_of(const struct sv_resolved_view *view)
+{
+    int kind = ilogb((double)view->camera.width * view->camera.height);
+    return kind < SV_CELL_ADMIT_KINDS ? kind : SV_CELL_ADMIT_KINDS - 1;
+}
+
+static void directly_took(struct sv_renderer *r, const struct sv_resolved_view *view, double ms)
+{
+    double *mean = &r->direct_ms[kind_of(view)];
+    *mean = *mean > 0 ? *mean + (ms - *mean) / 8 : ms;
+}
+
+static void learn(struct sv_renderer *r, const struct sv_resolved_view *view, const struct sv_cells_report *report,
+                  double ms)
+{
+    double build_ms = fmax(report->ms[SV_STAGE_CELL], 0), direct_ms = r->direct_ms[kind_of(view)];
+    sv_cell_cache_measured(r->cache, kind_of(view), report->built > 0 ? build_ms * 1e-3 : NAN,
+                           direct_ms > 0 ? (direct_ms - (ms - build_ms)) * 1e-3 : NAN);
+}
+
+/* auto: cells when all panels are there, or when building them pays. */
+static bool admitted(struct sv_renderer *r, const struct sv_resolved_view *view, uint64_t id)
+{
+    struct sv_cell_admit_request request = {.key = id, .kind = kind_of(view), .now_s = now(r) * 1e-3};
+    return view->plan.relief == SV_RELIEF_ON || sv_cell_cache_admit(r->cache, &request);
+}
+
 static void add_stages(const double ms[SV_STAGE_COUNT], struct sv_timings *timings)
 {
     for (int k = 0; k < SV_STAGE_COUNT && timings; k++)
         if (ms[k] >= 0)
             timings->ms[k] = fmax(timings->ms[k], 0) + ms[k];
-}
-
-static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_request *request,
-                                 const struct sv_resolved_view *view, struct sv_picture *picture,
-                                 struct sv_timings *timings, struct sv_draw_stats *stats,
-                                 struct sv_error *error)
-{
-    struct sv_cells_report report;
-    enum sv_status status = sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, true,
-                                          picture->layer[SV_LAYER_COLOR].data, &report, stats, error);
-    add_stages(report.ms, timings);
-    if (!status && !request->sky)
-        straighten(&picture->layer[SV_LAYER_COLOR]);
-    return status;
 }
 
 static enum sv_status draw_paper(struct sv_renderer *r, const struct sv_view_request *request,
@@ -207,16 +299,43 @@ static enum sv_status draw_paper(struct sv_renderer *r, const struct sv_view_req
     return status;
 }
 
+/* SV_ENOENT, with nothing drawn: to be drawn directly. */
+static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_request *request,
+                                 const struct sv_resolved_view *view, struct sv_picture *picture,
+                                 struct sv_timings *timings, struct sv_draw_stats *stats,
+                                 struct sv_error *error)
+{
+    struct sv_cells_report report;
+    uint8_t *rgba = picture->layer[SV_LAYER_COLOR].data;
+    double since = now(r);
+    bool build = view->plan.relief == SV_RELIEF_ON;
+    enum sv_status status =
+        sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, build, rgba, &report, stats, error);
+    if (status == SV_ENOENT && !build && admitted(r, view, report.id))
+        status = sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, true, rgba, &report, stats, error);
+    stats->cell = (struct sv_cell_use){.kind = SV_CELL_USE_BYPASS, .id = report.id};
+    if (status)
+        return status;
+    stats->cell.kind = report.built > 0 ? SV_CELL_USE_BUILT : report.hits > 0 ? SV_CELL_USE_HIT : SV_CELL_USE_NONE;
+    stats->cell.hits = report.hits;
+    stats->cell.built = report.built;
+    stats->cell.refined = report.refined;
+    learn(r, view, &report, now(r) - since);
+    r->report = report;
+    add_stages(report.ms, timings);
+    if (!request->sky)
+        straighten(&picture->layer[SV_LAYER_COLOR]);
+    return SV_OK;
+}
+
 static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_request *request,
                                    const struct sv_resolved_view *view, struct sv_picture *picture,
                                    struct sv_timings *timings, struct sv_error *error)
 {
     double since = now(r);
-    if (!r->truth) {
-        enum sv_status status = sv_truth_create(r->scene, &r->truth, error);
-        if (status)
-            return status;
-    }
+    enum sv_status status = want_truth(r, error);
+    if (status)
+        return status;
     struct sv_light light;
     sv_light_from_sun(&view->sun, &light);
     light.air = view->air;
@@ -229,7 +348,7 @@ static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_r
                                        .row_count = view->camera.height};
     struct sv_truth_picture out = {picture->layer[SV_LAYER_COLOR], picture->layer[SV_LAYER_DEPTH],
                                    picture->layer[SV_LAYER_NORMAL], picture->layer[SV_LAYER_ID]};
-    enum sv_status status = sv_truth_render(r->truth, &view->camera, &light, &options, &out, error);
+    status = sv_truth_render(r->truth, &view->camera, &light, &options, &out, error);
     stage(r, timings, SV_STAGE_NEAR, since);
     return status;
 }
@@ -240,23 +359,36 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
                                 struct sv_error *error)
 {
     struct sv_picture picture = {0};
-    struct sv_draw_stats own = {0};
+    struct sv_draw_stats own = {0}, *told = stats ? stats : &own;
     enum sv_status status = sv_picture_alloc(&view->camera, request->layers, &picture, error);
-    bool can = sv_cells_can(view, request->layers);
-    bool cells = can && renderer->cells && view->plan.relief == SV_RELIEF_ON;
-    bool paper = can && view->plan.relief == SV_RELIEF_PAPER;
-    if (!status)
-        status = view->plan.raycast ? draw_raycast(renderer, request, view, &picture, timings, error)
-                 : cells ? draw_cells(renderer, request, view, &picture, timings, stats ? stats : &own, error)
-                 : paper
-                     ? draw_paper(renderer, request, view, &picture, timings, stats ? stats : &own, error)
-                     : draw_raster(renderer, request, view, &picture, timings, stats ? stats : &own, error);
+    bool can = view->plan.relief != SV_RELIEF_OFF && sv_cells_can(view, request->layers);
+    bool paper = can && view->plan.relief == SV_RELIEF_PAPER, cells = can && !paper && renderer->cells;
+    told->cell = (struct sv_cell_use){.kind = view->plan.relief == SV_RELIEF_ON ? SV_CELL_USE_BYPASS : SV_CELL_USE_NONE};
+    if (!status && view->plan.raycast)
+        status = draw_raycast(renderer, request, view, &picture, timings, error);
+    else if (!status)
+        status = cells   ? draw_cells(renderer, request, view, &picture, timings, told, error)
+                 : paper ? draw_paper(renderer, request, view, &picture, timings, told, error)
+                         : SV_ENOENT;
+    if (status == SV_ENOENT && !view->plan.raycast) {
+        struct sv_cell_use cell = told->cell;
+        double since = now(renderer);
+        status = draw_raster(renderer, request, view, &picture, timings, told, error);
+        told->cell = cell;
+        if (cells)
+            directly_took(renderer, view, now(renderer) - since);
+    }
     if (status) {
         sv_picture_finish(&picture);
         return status;
     }
     *out = picture;
     return SV_OK;
+}
+
+const struct sv_cells_report *sv_renderer_cells_report(const struct sv_renderer *renderer)
+{
+    return &renderer->report;
 }
 
 const struct sv_tree_draw *sv_renderer_trees(const struct sv_renderer *renderer)

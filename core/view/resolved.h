@@ -22,7 +22,10 @@ struct sv_plan {
     int leaf_samples;        /* a pixel, of near trees in pictures of one sample */
     enum sv_trees trees;     /* the form */
     double tree_error_px;    /* auto: trees are sprites where those are off by at most this */
-    enum sv_relief_mode relief;
+    enum sv_relief_mode relief; /* whether from relief panels: as asked */
+    double relief_distance_m;   /* of the outermost ring of panels */
+    int relief_resolution;      /* texels of a panel over 90 degrees */
+    double relief_pitch;        /* lattice step of cells over their distance */
 };
 
 struct sv_resolved_view {
@@ -37,6 +40,7 @@ struct sv_resolved_view {
     struct sv_sun sun;       /* azimuth from grid north */
     bool air;
     struct sv_plan plan;
+    struct sv_vec3 cell; /* reference point of the outermost cell: one for all views of it; without cells the eye */
 };
 
 #endif

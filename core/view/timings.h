@@ -28,12 +28,35 @@ struct sv_timings {
     double ms[SV_STAGE_COUNT]; /* negative: the stage did not run */
 };
 
+/* What relief panels had to do with a picture. */
+#define SV_CELL_USE_LIST(X)           \
+    X(SV_CELL_USE_NONE, "none")       \
+    X(SV_CELL_USE_BYPASS, "bypass")   \
+    X(SV_CELL_USE_BUILT, "built")     \
+    X(SV_CELL_USE_HIT, "hit")
+
+enum sv_cell_use_kind {
+#define X(name, text) name,
+    SV_CELL_USE_LIST(X)
+#undef X
+        SV_CELL_USE_COUNT
+};
+
+struct sv_cell_use {
+    uint32_t kind;    /* enum sv_cell_use_kind. bypass: panels could have served, but it was drawn directly */
+    uint32_t hits;    /* panels that were there, */
+    uint32_t refined; /* of these refined ones, */
+    uint32_t built;   /* and those that were built for it */
+    uint64_t id;      /* of the cell; 0 with none */
+};
+
 struct sv_draw_stats {
     uint32_t terrain_triangles;
     uint32_t near_trees,
         far_trees; /* as leaves or polygons one by one; in all other forms. Fading ones count twice */
     uint32_t polygon_objects, relief_objects;
     double terrain_error_px;
+    struct sv_cell_use cell;
 };
 
 #endif

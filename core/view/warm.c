@@ -69,6 +69,7 @@ enum sv_status sv_view_warm(struct sv_renderer *renderer, const struct sv_scene 
     request.layers = layers;
     request.sky = true;
     request.quality = SV_QUALITY_FAST;
+    request.relief = SV_RELIEF_OFF;
     choose_pose(scene, &request);
     enum sv_status status = SV_OK;
     for (int shadows = 1; shadows >= 0 && !status; shadows--) {

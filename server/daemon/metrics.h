@@ -32,6 +32,14 @@
     X(SV_COUNT_SCENE_STARTED, "scene_starts_total", "scene processes started")                             \
     X(SV_COUNT_SCENE_DIED, "scene_deaths_total", "scene processes that died by themselves")                \
     X(SV_COUNT_SCENE_FAILED, "scene_failures_total", "scene files that did not load")                      \
+    X(SV_COUNT_CELL_HIT, "cells_hits_total", "relief panels that were there when a view wanted them")      \
+    X(SV_COUNT_CELL_MISS, "cells_misses_total", "relief panels that were not")                             \
+    X(SV_COUNT_CELL_WAIT, "cells_waits_total", "relief panels that another worker was building then")      \
+    X(SV_COUNT_CELL_BUILT, "cells_builds_total", "relief panels built")                                    \
+    X(SV_COUNT_CELL_REFINED, "cells_refined_total", "of these, refined ones")                              \
+    X(SV_COUNT_CELL_EVICTED, "cells_evictions_total", "relief panels that made room for others")           \
+    X(SV_COUNT_CELL_DROPPED, "cells_drops_total", "relief panels dropped by a call or a change")           \
+    X(SV_COUNT_CELL_FULL, "cells_full_total", "relief panels that there was no room for")                  \
     X(SV_COUNT_CONNECTION_CUT, "connections_cut_total", "connections closed at a read or send deadline")
 
 #define SV_GAUGE_LIST(X)                                                                                    \
@@ -48,6 +56,10 @@
     X(SV_GAUGE_RESOLVES, "resolve_cache_entries", "resolved cameras in memory")                             \
     X(SV_GAUGE_SLAB_BYTES, "slab_bytes", "shared memory reserved for pictures in transit")                  \
     X(SV_GAUGE_SLAB_LENT, "slab_lent_bytes", "of these, in use")                                            \
+    X(SV_GAUGE_CELL_PANELS, "cells_panels", "relief panels in memory")                                      \
+    X(SV_GAUGE_CELL_BYTES, "cells_bytes", "bytes of relief panels in memory")                               \
+    X(SV_GAUGE_CELL_BUDGET, "cells_budget_bytes", "bytes that relief panels may take")                      \
+    X(SV_GAUGE_CELL_AHEAD, "cells_jobs_ahead", "jobs that build relief panels ahead")                       \
     X(SV_GAUGE_CONNECTIONS, "connections", "open connections")                                              \
     X(SV_GAUGE_RESIDENT, "resident_bytes", "resident memory of the daemon")                                 \
     X(SV_GAUGE_DESCRIPTORS, "open_descriptors", "open descriptors of the daemon")                           \

@@ -8,6 +8,8 @@
 
 #include "api/answer.h"
 #include "api/openapi.h"
+#include "server/daemon/cells.h"
+#include "core/scene/id.h"
 #include "server/daemon/reply.h"
 #include "server/log.h"
 
@@ -66,6 +68,7 @@ static void fill_gauges(struct sv_service *service)
     g[SV_GAUGE_SCENE_LOAD] = scene ? scene->load_ms * 1e-3 : 0;
     g[SV_GAUGE_UPTIME] = (sv_loop_now_ms() - service->started_ms) * 1e-3;
     g[SV_GAUGE_LOG_DROPPED] = (double)sv_log_dropped();
+    sv_cells_measure(service);
     measure_process(&service->metrics);
 }
 
@@ -116,54 +119,137 @@ bool sv_page_token_fits(const char *field, const char *token)
     return differs == 0;
 }
 
-static void reload_gone(struct sv_exchange *exchange)
+bool sv_page_is_admin(struct sv_service *service, struct sv_exchange *exchange)
+{
+    const char *token = service->settings->admin_token;
+    if (!token[0])
+        sv_reply_problem(exchange, SV_PROBLEM_FORBIDDEN, "no admin_token is set");
+    else if (!sv_page_token_fits(sv_exchange_field(exchange, "Authorization"), token))
+        sv_reply_problem(exchange, SV_PROBLEM_UNAUTHORIZED, NULL);
+    else
+        return true;
+    return false;
+}
+
+static void waiter_gone(struct sv_exchange *exchange)
 {
     struct sv_service *service = exchange->owner;
-    service->reload_waiter = NULL;
+    service->scene_waiter = NULL;
+}
+
+/* Is the caller allowed to change the scene, now? Answers if not. */
+static bool may_change(struct sv_service *service, struct sv_exchange *exchange)
+{
+    if (!sv_page_is_admin(service, exchange))
+        return false;
+    if (service->draining)
+        sv_reply_problem(exchange, SV_PROBLEM_DRAINING, NULL);
+    return !service->draining;
+}
+
+/* Keeps the exchange until the scene that was asked for serves, or does not come. */
+static void await_scene(struct sv_service *service, struct sv_exchange *exchange, bool patch)
+{
+    exchange->owner = service;
+    exchange->gone = waiter_gone;
+    service->scene_waiter = exchange;
+    service->waiter_patches = patch;
 }
 
 void sv_page_reload(struct sv_service *service, struct sv_exchange *exchange)
 {
     struct sv_error error;
-    const char *token = service->settings->admin_token;
-    if (!token[0]) {
-        sv_reply_problem(exchange, SV_PROBLEM_FORBIDDEN, "no admin_token is set");
-    } else if (!sv_page_token_fits(sv_exchange_field(exchange, "Authorization"), token)) {
-        sv_reply_problem(exchange, SV_PROBLEM_UNAUTHORIZED, NULL);
-    } else if (service->draining) {
-        sv_reply_problem(exchange, SV_PROBLEM_DRAINING, NULL);
-    } else if (service->reload_waiter || sv_scenes_load(&service->scenes, &error) != SV_OK) {
+    if (!may_change(service, exchange))
+        return;
+    if (service->scene_waiter || sv_scenes_load(&service->scenes, &error) != SV_OK)
         sv_reply_retry(exchange, SV_PROBLEM_NOT_READY, "a scene is being loaded already",
                        sv_service_scene_retry_s(service));
-    } else {
-        exchange->owner = service;
-        exchange->gone = reload_gone;
-        service->reload_waiter = exchange;
-    }
+    else
+        await_scene(service, exchange, false);
 }
 
-void sv_page_reload_done(struct sv_service *service, const struct sv_errors *reasons)
+void sv_page_patch(struct sv_service *service, struct sv_exchange *exchange)
 {
-    struct sv_exchange *exchange = service->reload_waiter;
-    service->reload_waiter = NULL;
+    struct sv_error error;
+    if (!may_change(service, exchange))
+        return;
+    enum sv_status status =
+        service->scene_waiter
+            ? sv_fail(&error, SV_ELIMIT, "", "the scene is being changed already")
+            : sv_scenes_patch(&service->scenes, exchange->body, exchange->body_bytes, &error);
+    if (status == SV_OK)
+        await_scene(service, exchange, true);
+    else
+        sv_reply_retry(exchange, SV_PROBLEM_NOT_READY, error.message, sv_service_scene_retry_s(service));
+}
+
+/* What is to blame for a patch that failed: the service, the body by itself, or what it asks of this scene.
+ */
+static enum sv_problem_kind blame(const struct sv_errors *reasons)
+{
+    enum sv_problem_kind kind = SV_PROBLEM_BAD_PATCH;
+    for (size_t k = 0; k < reasons->count; k++) {
+        enum sv_status code = reasons->items[k].code;
+        if (code == SV_EINTERNAL || code == SV_ENOMEM)
+            return SV_PROBLEM_INTERNAL;
+        if (code == SV_EINVAL || code == SV_ELIMIT)
+            kind = SV_PROBLEM_BAD_REQUEST;
+    }
+    return kind;
+}
+
+static char *patched_text(const struct sv_scene_process *scene)
+{
+    const struct sv_scene_change *c = scene->change;
+    char *text = NULL, first_tree[32] = "null", first_object[32] = "null";
+    if (!c)
+        return NULL;
+    if (c->trees_added)
+        snprintf(first_tree, sizeof first_tree, "%u", SV_ID_TREE_FIRST + c->first_tree);
+    if (c->objects_added)
+        snprintf(first_object, sizeof first_object, "%u", SV_ID_OBJECT_FIRST + c->first_object);
+    if (asprintf(
+            &text,
+            "{\"version\": \"%016llx\", \"trees\": {\"added\": %u, \"removed\": %u, \"not_placed\": %u, "
+            "\"first_id\": %s}, \"objects\": {\"added\": %u, \"removed\": %u, \"first_id\": %s}, \"sun\": "
+            "%s, \"changed_boxes\": %u, \"change_ms\": %.1f, \"total_ms\": %.1f}\n",
+            (unsigned long long)scene->version, c->trees_added, c->trees_removed, c->not_placed, first_tree,
+            c->objects_added, c->objects_removed, first_object, c->sun ? "true" : "false", c->box_count,
+            scene->patch_ms, scene->load_ms) < 0)
+        return NULL;
+    return text;
+}
+
+static char *loaded_text(const struct sv_scene_process *scene)
+{
+    char *text = NULL;
+    return asprintf(&text, "{\"version\": \"%016llx\", \"load_s\": %.3f}\n",
+                    (unsigned long long)scene->version, scene->load_ms * 1e-3) < 0
+               ? NULL
+               : text;
+}
+
+void sv_page_scene_done(struct sv_service *service, const struct sv_errors *reasons)
+{
+    struct sv_exchange *exchange = service->scene_waiter;
+    service->scene_waiter = NULL;
     if (!exchange)
         return;
     exchange->owner = NULL;
     exchange->gone = NULL;
     if (reasons) {
         bool of_file = reasons->count && reasons->items[0].code != SV_EINTERNAL;
-        struct sv_problem problem = {.kind = of_file ? SV_PROBLEM_BAD_SCENE : SV_PROBLEM_INTERNAL,
+        struct sv_problem problem = {.kind = service->waiter_patches ? blame(reasons)
+                                             : of_file               ? SV_PROBLEM_BAD_SCENE
+                                                                     : SV_PROBLEM_INTERNAL,
                                      .detail = "the scene was not exchanged",
                                      .errors = reasons};
         sv_reply(exchange, &problem);
         return;
     }
-    char *text = NULL;
     const struct sv_scene_process *scene = service->scenes.serving;
-    if (asprintf(&text, "{\"version\": \"%016llx\", \"load_s\": %.3f}\n", (unsigned long long)scene->version,
-                 scene->load_ms * 1e-3) < 0)
-        text = NULL;
-    answer_text(exchange, "application/json", text);
+    answer_text(exchange, "application/json",
+                service->waiter_patches ? patched_text(scene) : loaded_text(scene));
 }
 
 /* Shows the scene from above its middle and lets one turn; the viewer proper is a client of its own. */

@@ -72,13 +72,16 @@ void sv_pictures_destroy(struct sv_pictures *pictures)
     free(pictures);
 }
 
-void sv_pictures_keep(struct sv_pictures *pictures, const char *etag, const void *bytes, size_t size)
+void sv_pictures_keep(struct sv_pictures *pictures, const char *etag, const struct sv_picture_bytes *picture)
 {
-    if (size + OVERHEAD_BYTES > pictures->budget / 4)
+    size_t cost = picture->size + OVERHEAD_BYTES;
+    if (cost > pictures->budget / 4)
         return;
-    struct sv_picture_bytes *copy = sv_picture_copy(bytes, size);
-    if (copy)
-        sv_lru_put(pictures->lru, etag, copy, size + OVERHEAD_BYTES);
+    struct sv_picture_bytes *copy = sv_picture_copy(picture->bytes, picture->size);
+    if (!copy)
+        return;
+    copy->cell = picture->cell;
+    sv_lru_put(pictures->lru, etag, copy, cost);
 }
 
 struct sv_picture_bytes *sv_pictures_find(struct sv_pictures *pictures, const char *etag)

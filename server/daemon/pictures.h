@@ -9,6 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "core/view/timings.h"
 #include "server/slab.h"
 
 struct sv_picture_bytes {
@@ -16,6 +17,7 @@ struct sv_picture_bytes {
     size_t size;
     unsigned refs;
     struct sv_slab *slab; /* NULL: bytes are heap memory */
+    struct sv_cell_use cell; /* what panels it was drawn from */
 };
 
 /* With one reference, the caller's. The slab is taken and goes back to its pool with the last reference. NULL
@@ -31,7 +33,7 @@ struct sv_pictures;
 struct sv_pictures *sv_pictures_create(uint64_t budget_bytes);
 void sv_pictures_destroy(struct sv_pictures *pictures);
 /* Keeps a copy, unless it is larger than a quarter of the budget. */
-void sv_pictures_keep(struct sv_pictures *pictures, const char *etag, const void *bytes, size_t size);
+void sv_pictures_keep(struct sv_pictures *pictures, const char *etag, const struct sv_picture_bytes *picture);
 /* A new reference, or NULL. */
 struct sv_picture_bytes *sv_pictures_find(struct sv_pictures *pictures, const char *etag);
 size_t sv_pictures_count(const struct sv_pictures *pictures);

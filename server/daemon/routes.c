@@ -5,6 +5,7 @@
 #include <strings.h>
 
 #include "api/answer.h"
+#include "server/daemon/cells.h"
 #include "server/daemon/pages.h"
 #include "server/daemon/reply.h"
 #include "server/daemon/views.h"
@@ -14,9 +15,13 @@ static const struct {
     const char *id;
     sv_route_handler handler;
 } handlers[] = {
-    {"getView", sv_views_handle},    {"postView", sv_views_handle},   {"getScene", sv_page_scene},
-    {"reloadScene", sv_page_reload}, {"getLivez", sv_page_livez},     {"getReadyz", sv_page_readyz},
-    {"getMetrics", sv_page_metrics}, {"getOpenapi", sv_page_openapi}, {"getPage", sv_page_home},
+    {"getView", sv_views_handle},        {"postView", sv_views_handle},
+    {"getScene", sv_page_scene},         {"patchScene", sv_page_patch},
+    {"reloadScene", sv_page_reload},     {"getCells", sv_cells_page_list},
+    {"postCells", sv_cells_page_build},  {"deleteCells", sv_cells_page_drop},
+    {"getLivez", sv_page_livez},         {"getReadyz", sv_page_readyz},
+    {"getMetrics", sv_page_metrics},     {"getOpenapi", sv_page_openapi},
+    {"getPage", sv_page_home},
 };
 
 /* For people, not part of the contract's documents. */

@@ -77,13 +77,16 @@ void sv_scenes_child_environment(void)
 static void become_scene(const struct sv_scenes *scenes, int control, pid_t parent)
 {
     const struct sv_settings *s = scenes->settings;
-    char budget[32], workers[32], pixels[32], samples[32];
+    char budget[32], workers[32], pixels[32], samples[32], cells[32];
     sigset_t none;
     snprintf(budget, sizeof budget, "%lld", (long long)s->cache_budget_mb);
     snprintf(workers, sizeof workers, "%lld", (long long)s->workers);
     snprintf(pixels, sizeof pixels, "%lld", (long long)s->max_pixels);
     snprintf(samples, sizeof samples, "%lld", (long long)s->max_samples_pixels);
+    snprintf(cells, sizeof cells, "%lld", (long long)s->cells_bytes);
     const char *const argv[] = {scenes->program,
+                                "--cells-bytes",
+                                cells,
                                 "--max-pixels",
                                 pixels,
                                 "--max-samples-pixels",
@@ -121,37 +124,22 @@ static void become_scene(const struct sv_scenes *scenes, int control, pid_t pare
 
 static void on_control(void *context, uint32_t events);
 
-enum sv_status sv_scenes_load(struct sv_scenes *scenes, struct sv_error *error)
+/* A process in the list that is on its way to serve, on our end of its control socket. */
+static enum sv_status add_process(struct sv_scenes *scenes, int control_fd, struct sv_scene_process **out,
+                                  struct sv_error *error)
 {
-    int pair[2];
-    if (scenes->loading)
-        return sv_fail(error, SV_ELIMIT, "scene", "a load is under way");
     struct sv_scene_process *process = calloc(1, sizeof *process);
-    if (!process || socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair)) {
-        free(process);
-        return sv_fail(error, SV_EIO, "scene", "a socket for a scene process: %s", strerror(errno));
-    }
-    pid_t daemon = getpid();
-    process->pid = fork();
-    if (process->pid == 0)
-        become_scene(scenes, pair[1], daemon);
-    int fork_error = errno;
-    close(pair[1]);
+    if (!process)
+        return sv_fail(error, SV_ENOMEM, "scene", "out of memory");
     process->all = scenes;
-    process->control_fd = pair[0];
-    fcntl(pair[0], F_SETFL, O_NONBLOCK);
+    process->control_fd = control_fd;
+    fcntl(control_fd, F_SETFL, O_NONBLOCK);
     process->started_ms = sv_loop_now_ms();
     sv_errors_init(&process->reasons);
     sv_crew_init(&process->crew, &scenes->crew);
-    enum sv_status status = SV_OK;
-    if (process->pid < 0)
-        status = sv_fail(error, SV_EIO, "scene", "fork: %s", strerror(fork_error));
-    else
-        status = sv_loop_watch(scenes->loop, pair[0], EPOLLIN, on_control, process, &process->watch, error);
+    enum sv_status status =
+        sv_loop_watch(scenes->loop, control_fd, EPOLLIN, on_control, process, &process->watch, error);
     if (status != SV_OK) {
-        if (process->pid > 0)
-            kill(process->pid, SIGKILL); /* sv_scenes_reap collects it */
-        close(pair[0]);
         free(process);
         return status;
     }
@@ -159,9 +147,82 @@ enum sv_status sv_scenes_load(struct sv_scenes *scenes, struct sv_error *error)
     process->next = scenes->processes;
     scenes->processes = process;
     scenes->loading = process;
+    *out = process;
+    return SV_OK;
+}
+
+static enum sv_status control_pair(struct sv_scenes *scenes, int pair[2], struct sv_error *error)
+{
+    if (scenes->loading)
+        return sv_fail(error, SV_ELIMIT, "scene", "a load or a patch is under way");
+    return socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair)
+               ? sv_fail(error, SV_EIO, "scene", "a socket for a scene process: %s", strerror(errno))
+               : SV_OK;
+}
+
+enum sv_status sv_scenes_load(struct sv_scenes *scenes, struct sv_error *error)
+{
+    int pair[2];
+    struct sv_scene_process *process;
+    enum sv_status status = control_pair(scenes, pair, error);
+    if (status != SV_OK)
+        return status;
+    pid_t daemon = getpid(), pid = fork();
+    if (pid == 0)
+        become_scene(scenes, pair[1], daemon);
+    int fork_error = errno;
+    close(pair[1]);
+    status = pid < 0 ? sv_fail(error, SV_EIO, "scene", "fork: %s", strerror(fork_error))
+                     : add_process(scenes, pair[0], &process, error);
+    if (status != SV_OK) {
+        if (pid > 0)
+            kill(pid, SIGKILL); /* sv_scenes_reap collects it */
+        close(pair[0]);
+        return status;
+    }
+    process->pid = pid;
     sv_metrics_count(scenes->metrics, SV_COUNT_SCENE_STARTED);
     sv_log(SV_LOG_INFO, "scene process", "started %s as %d for %s", scenes->program, (int)process->pid,
            scenes->settings->scene);
+    return SV_OK;
+}
+
+/* Orders the successor and hands it the patch; what it needs is in the sockets when this returns. */
+static enum sv_status order_successor(struct sv_scenes *scenes, const int pair[2], const char *body,
+                                      size_t bytes, struct sv_error *error)
+{
+    union sv_wire_message message;
+    int text = sv_wire_text_descriptor(body, bytes);
+    if (text < 0)
+        return sv_fail(error, SV_EIO, "scene", "memory for a patch: %s", strerror(errno));
+    sv_wire_init(&message, SV_WIRE_PATCH_TEXT, scenes->patches);
+    message.text.bytes = bytes;
+    enum sv_status status = sv_wire_send(pair[0], &message, text, error);
+    close(text);
+    sv_wire_init(&message, SV_WIRE_PATCH, scenes->patches);
+    return status == SV_OK ? sv_wire_send(scenes->serving->control_fd, &message, pair[1], error) : status;
+}
+
+enum sv_status sv_scenes_patch(struct sv_scenes *scenes, const char *body, size_t bytes,
+                               struct sv_error *error)
+{
+    int pair[2];
+    struct sv_scene_process *process;
+    if (!scenes->serving || scenes->serving->control_fd < 0)
+        return sv_fail(error, SV_ENOENT, "scene", "no scene is loaded at the moment");
+    enum sv_status status = control_pair(scenes, pair, error);
+    if (status != SV_OK)
+        return status;
+    scenes->patches++;
+    status = order_successor(scenes, pair, body, bytes, error);
+    close(pair[1]);
+    if (status == SV_OK)
+        status = add_process(scenes, pair[0], &process, error);
+    if (status != SV_OK) {
+        close(pair[0]); /* a successor that was forked finds nobody there, and ends */
+        return status;
+    }
+    process->patch = scenes->patches;
     return SV_OK;
 }
 
@@ -174,22 +235,20 @@ static void close_control(struct sv_scene_process *process)
     process->control_fd = -1;
 }
 
+/* One whose pid is not known ends when it finds its socket closed. */
+static void end_process(struct sv_scene_process *process)
+{
+    if (process->pid > 0)
+        kill(process->pid, SIGKILL);
+    else
+        close_control(process);
+}
+
 /* An old scene has done its last job: it may go. */
 static void leave_if_idle(struct sv_scene_process *process)
 {
     if (process->leaving && sv_crew_busy(&process->crew) == 0)
-        kill(process->pid, SIGKILL); /* it has nothing to save, and takes its idle workers along */
-}
-
-static char *read_facts(int fd, uint64_t bytes)
-{
-    char *text = bytes <= FACTS_BYTES_MAX ? malloc(bytes + 1) : NULL;
-    if (!text || pread(fd, text, bytes, 0) != (ssize_t)bytes) {
-        free(text);
-        return NULL;
-    }
-    text[bytes] = '\0';
-    return text;
+        end_process(process); /* it has nothing to save, and takes its idle workers along */
 }
 
 static void becomes_serving(struct sv_scene_process *process, const struct sv_wire_ready *ready)
@@ -222,25 +281,49 @@ static void becomes_serving(struct sv_scene_process *process, const struct sv_wi
 
 static void on_ready(struct sv_scene_process *process, const struct sv_wire_ready *ready, int fd)
 {
-    process->facts = fd >= 0 ? read_facts(fd, ready->facts_bytes) : NULL;
+    process->facts = fd >= 0 ? sv_wire_read_text(fd, ready->facts_bytes, FACTS_BYTES_MAX) : NULL;
     if (fd >= 0)
         close(fd);
     if (process != process->all->loading || !process->facts) {
         sv_log(SV_LOG_ERROR, "scene process", "process %d said ready at the wrong time or without facts",
                (int)process->pid);
-        kill(process->pid, SIGKILL);
+        end_process(process);
         return;
     }
     becomes_serving(process, ready);
 }
 
+/* The serving process has forked its successor, or could not: then our end of the socket tells that it is
+ * closed. */
+static void on_followed(struct sv_scenes *scenes, const struct sv_wire_followed *followed)
+{
+    struct sv_scene_process *p = scenes->processes;
+    while (p && (p->patch == 0 || p->patch != followed->head.id))
+        p = p->next;
+    if (p && followed->pid > 0)
+        p->pid = followed->pid;
+    else if (p)
+        sv_errors_add(&p->reasons, SV_EINTERNAL, "", "no process for the patched scene: %s",
+                      strerror(followed->error_number));
+}
+
 static void on_facts(struct sv_scene_process *process, const struct sv_wire_facts *message, int fd)
 {
-    char *facts = fd >= 0 ? read_facts(fd, message->facts_bytes) : NULL;
+    char *facts = fd >= 0 ? sv_wire_read_text(fd, message->facts_bytes, FACTS_BYTES_MAX) : NULL;
     if (facts) {
         free(process->facts);
         process->facts = facts;
     }
+}
+
+/* The daemon lists and drops panels; without the memory it has none to tell of. */
+static void on_cells(struct sv_scene_process *process, const struct sv_wire_cells *message, int fd)
+{
+    struct sv_error error;
+    if (fd < 0 || process->cells.cache)
+        return;
+    if (sv_cells_memory_open(fd, message->bytes, &process->cells, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "cells", "process %d: %s", (int)process->pid, error.message);
 }
 
 /* A descriptor that came with a message that has no use for it is closed. */
@@ -252,6 +335,9 @@ static void take_message(struct sv_scene_process *process, const union sv_wire_m
         return;
     case SV_WIRE_FACTS:
         on_facts(process, &message->facts, fd);
+        break;
+    case SV_WIRE_CELLS:
+        on_cells(process, &message->cells, fd);
         break;
     case SV_WIRE_FORKED:
         sv_crew_forked(&process->crew, &message->forked, fd);
@@ -268,14 +354,28 @@ static void take_message(struct sv_scene_process *process, const union sv_wire_m
         sv_crew_exited(&process->crew, &message->exited);
         leave_if_idle(process);
         break;
+    case SV_WIRE_FOLLOWED:
+        on_followed(process->all, &message->followed);
+        break;
+    case SV_WIRE_PATCHED:
+        free(process->change);
+        process->change = malloc(sizeof *process->change);
+        if (process->change)
+            *process->change = message->patched.change;
+        process->patch_ms = message->patched.ms;
+        break;
     case SV_WIRE_FORK:
+    case SV_WIRE_PATCH:
+    case SV_WIRE_PATCH_TEXT:
     case SV_WIRE_RESOLVE:
     case SV_WIRE_RESOLVED:
     case SV_WIRE_VIEW:
     case SV_WIRE_DRAWN:
+    case SV_WIRE_BUILD:
+    case SV_WIRE_BUILT:
     case SV_WIRE_TYPE_COUNT:
         sv_log(SV_LOG_ERROR, "scene process", "process %d said what only others say", (int)process->pid);
-        kill(process->pid, SIGKILL);
+        end_process(process);
         break;
     }
     if (fd >= 0)
@@ -298,14 +398,7 @@ static bool receive_one(struct sv_scene_process *process)
     if (status != SV_ENOENT)
         sv_log(SV_LOG_ERROR, "scene process", "process %d: %s", (int)process->pid, error.message);
     close_control(process); /* it is ending: what follows is done when it is reaped */
-    kill(process->pid, SIGKILL);
     return false;
-}
-
-static void on_control(void *context, uint32_t events)
-{
-    (void)events;
-    receive_one(context);
 }
 
 static void describe_death(int status, char *text, size_t size)
@@ -344,7 +437,13 @@ static void process_ended(struct sv_scene_process *process, int status)
     if (scenes->stopping)
         return;
     bool has_reasons = process->reasons.count > 0;
-    if (was_loading && !process->ready) {
+    if (was_loading && process->patch && !process->ready) {
+        if (!has_reasons)
+            sv_errors_add(&process->reasons, SV_EINTERNAL, "", "%s", why);
+        sv_log(SV_LOG_INFO, "patch refused", "%zu reasons, the first: %s: %s", process->reasons.total,
+               process->reasons.items[0].field, process->reasons.items[0].message);
+        scenes->events.failed(scenes->crew.events.context, &process->reasons, false);
+    } else if (was_loading && !process->ready) {
         if (!has_reasons)
             sv_errors_add(&process->reasons, SV_EINTERNAL, "", "%s", why);
         snprintf(scenes->last_failure, sizeof scenes->last_failure, "%s%s%s", process->reasons.items[0].field,
@@ -357,7 +456,8 @@ static void process_ended(struct sv_scene_process *process, int status)
     } else if (was_serving) {
         snprintf(scenes->last_failure, sizeof scenes->last_failure, "%s", why);
         sv_metrics_count(scenes->metrics, SV_COUNT_SCENE_DIED);
-        sv_log(SV_LOG_ERROR, "scene lost", "process %d: %s", (int)process->pid, why);
+        sv_log(SV_LOG_ERROR, "scene lost", "process %d: %s%s", (int)process->pid, why,
+               process->patch ? "; its patches are lost" : "");
         scenes->events.lost(scenes->crew.events.context);
     }
     if (!scenes->serving && !scenes->loading && !scenes->restart.place)
@@ -372,7 +472,23 @@ static void forget(struct sv_scene_process *process)
     *at = process->next;
     sv_errors_finish(&process->reasons);
     free(process->facts);
+    sv_cells_memory_close(&process->cells);
+    free(process->change);
     free(process);
+}
+
+/* A process whose socket is closed is made to end, and its end is told when it is reaped: at once, when it is
+ * gone already or was never there. */
+static void on_control(void *context, uint32_t events)
+{
+    struct sv_scene_process *process = context;
+    (void)events;
+    if (receive_one(process) || process->control_fd >= 0)
+        return;
+    if (process->pid > 0 && kill(process->pid, SIGKILL) == 0)
+        return;
+    process_ended(process, 0);
+    forget(process);
 }
 
 void sv_scenes_reap(struct sv_scenes *scenes)
@@ -404,10 +520,12 @@ void sv_scenes_finish(struct sv_scenes *scenes)
         return;
     sv_loop_disarm(scenes->loop, &scenes->restart);
     for (struct sv_scene_process *p = scenes->processes; p; p = p->next)
-        kill(p->pid, SIGKILL);
+        end_process(p);
     while (scenes->processes) {
         struct sv_scene_process *process = scenes->processes;
-        waitpid(process->pid, &status, 0);
+        status = 0;
+        if (process->pid > 0)
+            waitpid(process->pid, &status, 0);
         process_ended(process, status);
         forget(process);
     }

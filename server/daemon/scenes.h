@@ -3,7 +3,9 @@
  *
  * Each version of the scene is a process of its own (silvista-scene, by fork and exec) with its own crew of
  * workers. A load that succeeds takes the serving one's place, which is dismissed; one that fails leaves
- * everything as it is and says why. When the serving process dies, its workers die with it and it is started
+ * everything as it is and says why. A patch makes the serving process fork its successor, which changes the
+ * scene in its own memory and then takes the place; the patches are lost with a process that dies, since the
+ * scene file does not have them. When the serving process dies, its workers die with it and it is started
  * again, at once and then with growing pauses. All children die with the daemon (PDEATHSIG); as the subreaper
  * it reaps what they leave behind. One thread. */
 #ifndef SV_SERVER_SCENES_H
@@ -13,13 +15,14 @@
 #include <stdint.h>
 #include <sys/types.h>
 
+#include "server/cells_memory.h"
 #include "server/daemon/settings.h"
 #include "server/daemon/workers.h"
 
 struct sv_scene_process {
     struct sv_scene_process *next;
     struct sv_scenes *all;
-    pid_t pid;
+    pid_t pid; /* 0: not known yet (a successor, which the serving process forks) */
     int control_fd;
     struct sv_watch *watch;
     bool ready, failed, leaving;
@@ -27,16 +30,21 @@ struct sv_scene_process {
     int epsg;
     double relief_distance_m;
     char *facts; /* JSON text, heap */
+    struct sv_cells_memory cells; /* panels that its workers share; the cache is NULL where there are none */
     double started_ms, load_ms;
     struct sv_errors reasons;
     struct sv_crew crew;
+    /* Of one that follows another by a patch: */
+    uint64_t patch;                 /* its number; 0: the scene was loaded */
+    struct sv_scene_change *change; /* heap, when it is made; NULL: everything may be other than before */
+    double patch_ms;
 };
 
 struct sv_scenes_events {
     /* A scene now serves (scenes->serving). */
     void (*serving)(void *context);
-    /* A load failed; reasons (borrowed) are never empty. first: no scene has served yet, and the file is to
-     * blame. */
+    /* A load or a patch failed; reasons (borrowed) are never empty. first: no scene has served yet, and the
+     * file is to blame. */
     void (*failed)(void *context, const struct sv_errors *reasons, bool first);
     /* The serving process died; what its workers had in hand has been given back before. */
     void (*lost)(void *context);
@@ -52,6 +60,7 @@ struct sv_scenes {
     struct sv_scene_process *processes;
     struct sv_timer restart;
     unsigned early_deaths;
+    uint64_t patches; /* asked for so far */
     bool has_served, stopping;
     char program[SV_SETTING_TEXT_MAX];
     char last_failure[sizeof(struct sv_error)]; /* for /readyz; "" */
@@ -71,6 +80,10 @@ SV_MUST_CHECK enum sv_status sv_scenes_init(struct sv_scenes *scenes, struct sv_
                                             struct sv_error *error);
 /* Starts to load the scene file. SV_ELIMIT when a load is under way; SV_EIO. The outcome is an event. */
 SV_MUST_CHECK enum sv_status sv_scenes_load(struct sv_scenes *scenes, struct sv_error *error);
+/* Starts to make the serving scene's successor by a patch (the body of a request). SV_ELIMIT when a load or a
+ * patch is under way; SV_ENOENT when no scene serves; SV_EIO. The outcome is an event. */
+SV_MUST_CHECK enum sv_status sv_scenes_patch(struct sv_scenes *scenes, const char *body, size_t bytes,
+                                             struct sv_error *error);
 /* Reaps every child that has ended. To be called on SIGCHLD. */
 void sv_scenes_reap(struct sv_scenes *scenes);
 /* Kills the worker of whatever process that has this work. */

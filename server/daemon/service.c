@@ -80,7 +80,7 @@ static void on_serving(void *context)
 {
     struct sv_service *service = context;
     sv_views_rebind(service);
-    sv_page_reload_done(service, NULL);
+    sv_page_scene_done(service, NULL);
     load_again(service);
 }
 
@@ -94,7 +94,7 @@ static void on_failed(void *context, const struct sv_errors *reasons, bool first
         sv_log_text(&line, "message", reasons->items[i].message);
         sv_log_end(&line);
     }
-    sv_page_reload_done(service, reasons);
+    sv_page_scene_done(service, reasons);
     if (first) {
         service->exit_status = EXIT_FAILURE;
         sv_loop_stop(service->loop);
@@ -133,7 +133,7 @@ static void give_up_one(void *context, struct sv_exchange *exchange)
 static void give_up_all(struct sv_service *service)
 {
     sv_views_give_up(service, SV_PROBLEM_DRAINING, "the service is shutting down");
-    service->reload_waiter = NULL;
+    service->scene_waiter = NULL;
     sv_http_each_kept(service->http, give_up_one, NULL);
 }
 
@@ -279,7 +279,8 @@ enum sv_status sv_service_start(struct sv_service *service, const struct sv_sett
 {
     static const struct sv_scenes_events scenes_events = {on_serving, on_failed, on_lost};
     static const struct sv_crew_events crew_events = {
-        .idle = sv_views_idle, .resolved = sv_views_resolved, .drawn = sv_views_drawn, .lost = sv_views_lost};
+        .idle = sv_views_idle, .resolved = sv_views_resolved, .drawn = sv_views_drawn, .lost = sv_views_lost,
+        .built = sv_ahead_built, .build_lost = sv_ahead_lost};
     service->settings = settings;
     service->started_ms = sv_loop_now_ms();
     service->signal_fd = -1;
@@ -322,6 +323,7 @@ void sv_service_stop(struct sv_service *service)
         give_up_all(service);
     sv_http_destroy(service->http);
     sv_scenes_finish(&service->scenes);
+    sv_ahead_clear(service);
     if (service->loop) {
         sv_loop_unwatch(service->loop, service->signal_watch);
         sv_loop_disarm(service->loop, &service->pump);

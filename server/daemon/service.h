@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "api/view_parse.h"
+#include "server/daemon/ahead.h"
 #include "server/daemon/flight.h"
 #include "server/daemon/http.h"
 #include "server/daemon/loop.h"
@@ -26,6 +27,7 @@ struct sv_service {
     struct sv_scenes scenes;
     struct sv_queue queue;
     struct sv_flights flights;
+    struct sv_ahead ahead;
     struct sv_memo *memo;
     struct sv_pictures *pictures;
     struct sv_slab_pool *slabs;
@@ -36,8 +38,9 @@ struct sv_service {
     double drain_until_ms;
     struct sv_watch *signal_watch;
     int signal_fd;
-    struct sv_exchange *reload_waiter; /* POST /v1/scene/reload that waits; NULL */
-    bool reload_again;                 /* SIGHUP while loading: load once more */
+    struct sv_exchange *scene_waiter; /* POST /v1/scene/reload or PATCH /v1/scene that waits; NULL */
+    bool waiter_patches;
+    bool reload_again; /* SIGHUP while loading: load once more */
     double started_ms;
     bool draining;
     int exit_status;

@@ -52,6 +52,8 @@ static const struct setting table[] = {
     WHOLE(picture_cache_mb, "MiB", "256", 0, 1 << 20, "memory for encoded pictures; 0 keeps none"),
     WHOLE(slab_budget_mb, "MiB", "1024", 1, 1 << 20,
           "memory for pictures on their way from workers to clients"),
+    WHOLE(cells_bytes, "bytes", "1073741824", 0, INT64_C(1) << 40,
+          "memory for relief panels of cells, which workers share; 0 draws every view directly"),
     WHOLE(resolve_cache_entries, "views", "65536", 0, 1 << 24, "resolved cameras remembered"),
     WHOLE(queue_limit, "jobs", "64", 1, 1 << 20, "jobs that may wait; one more is answered 503"),
     WHOLE(deadline_ms, "ms", "60000", 1, 86400000,

@@ -126,15 +126,17 @@ static double relief_distance(const struct sv_service *service)
     return service->scenes.serving ? service->scenes.serving->relief_distance_m : 0;
 }
 
+/* cell: of the picture, NULL: there is none. */
 static void set_view_headers(struct view_task *task, const struct sv_resolved_view *resolved,
-                             const char *etag, bool not_modified)
+                             const char *etag, const struct sv_cell_use *cell, bool not_modified)
 {
     struct sv_answer_view answer = {.request = &task->request,
                                     .resolved = resolved,
                                     .etag = etag,
                                     .negotiated = task->negotiated,
                                     .cache = task->cache,
-                                    .relief_distance_m = relief_distance(task->service)};
+                                    .relief_distance_m = relief_distance(task->service),
+                                    .cell = cell};
     sv_api_answer_view(&answer, not_modified, &task->exchange->headers);
 }
 
@@ -143,8 +145,11 @@ static void answer_picture(struct view_task *task, const struct sv_resolved_view
                            struct sv_picture_bytes *picture, const struct sv_timings *drawn)
 {
     struct sv_exchange *exchange = task->exchange;
+    struct sv_cell_use cell = picture->cell;
+    if (!drawn && cell.kind == SV_CELL_USE_BUILT) /* for whoever asked first */
+        cell.kind = SV_CELL_USE_HIT;
     set_timings(task, drawn);
-    set_view_headers(task, resolved, etag, false);
+    set_view_headers(task, resolved, etag, &cell, false);
     sv_exchange_set_body(exchange, picture->bytes, picture->size, sv_picture_unref, sv_picture_ref(picture));
     task_destroy(task);
     sv_exchange_answer(exchange, 200);
@@ -157,7 +162,7 @@ static void answer_not_modified(struct view_task *task, const struct sv_resolved
     sv_metrics_count(&task->service->metrics, SV_COUNT_NOT_MODIFIED);
     task->cache = SV_CACHE_HIT;
     set_timings(task, NULL);
-    set_view_headers(task, resolved, etag, true);
+    set_view_headers(task, resolved, etag, NULL, true);
     task_destroy(task);
     sv_exchange_answer(exchange, 304);
 }
@@ -185,7 +190,7 @@ static void answer_description(struct view_task *task, uint64_t version,
     }
     task->cache = SV_CACHE_BYPASS;
     set_timings(task, NULL);
-    set_view_headers(task, resolved, etag, false);
+    set_view_headers(task, resolved, etag, NULL, false);
     sv_exchange_take_text(exchange, text);
     task_destroy(task);
     sv_exchange_answer(exchange, 200);
@@ -536,6 +541,7 @@ void sv_views_pump(void *context)
         if (!going)
             return;
     }
+    sv_ahead_pump(service);
 }
 
 void sv_views_pump_soon(struct sv_service *service)
@@ -580,7 +586,7 @@ static void flight_drawn(struct sv_service *service, struct sv_flight *flight,
 {
     char etag[SV_ETAG_BUFFER];
     sv_api_etag_view(flight->canonical, &flight->resolved, flight->scene_version, SV_VERSION, etag);
-    sv_pictures_keep(service->pictures, etag, picture->bytes, picture->size);
+    sv_pictures_keep(service->pictures, etag, picture);
     while (flight->first) {
         struct view_task *task = task_of(flight->first);
         task->cache = task->waiter.collapsed ? SV_CACHE_COLLAPSED : SV_CACHE_STORED;
@@ -617,6 +623,9 @@ void sv_views_drawn(void *context, void *work, const struct sv_wire_drawn *answe
         end_flight_with_kind(service, flight, SV_PROBLEM_INTERNAL, "out of memory", 0);
         return;
     }
+    picture->cell = answer->stats.cell;
+    if (picture->cell.kind == SV_CELL_USE_BUILT || picture->cell.kind == SV_CELL_USE_HIT)
+        sv_ahead_seen(service, &flight->request, &flight->resolved);
     flight_drawn(service, flight, picture, &answer->timings);
     sv_picture_unref(picture);
 }

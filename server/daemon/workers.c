@@ -136,19 +136,21 @@ static void take_answer(struct sv_worker *worker, const union sv_wire_message *m
     void *work = worker->work;
     struct sv_slab *slab = worker->slab;
     uint64_t job = worker->job;
-    bool is_view = slab != NULL;
-    if (worker->state != SV_WORKER_BUSY || message->head.id != job ||
-        message->head.type != (is_view ? SV_WIRE_DRAWN : SV_WIRE_RESOLVED)) {
+    if (worker->state != SV_WORKER_BUSY || message->head.id != job || message->head.type != worker->awaits) {
         worker_lost(worker, "it answered what it was not asked");
         return;
     }
-    if (is_view) {
+    if (worker->awaits == SV_WIRE_DRAWN) {
         worker->views++;
         worker->own_bytes = message->drawn.own_bytes;
+    } else if (worker->awaits == SV_WIRE_BUILT) {
+        worker->own_bytes = message->built.own_bytes;
     }
     job_done(worker);
-    if (is_view)
+    if (message->head.type == SV_WIRE_DRAWN)
         events->drawn(events->context, work, &message->drawn, slab, job);
+    else if (message->head.type == SV_WIRE_BUILT)
+        events->built(events->context, work, &message->built);
     else
         events->resolved(events->context, work, &message->resolved);
     events->idle(events->context);
@@ -265,6 +267,15 @@ void sv_crew_forked(struct sv_crew *crew, const struct sv_wire_forked *message, 
     crew->options.events.idle(crew->options.events.context);
 }
 
+static void work_lost(struct sv_crew *crew, enum sv_wire_type awaited, void *work, bool by_itself)
+{
+    const struct sv_crew_events *events = &crew->options.events;
+    if (work && awaited == SV_WIRE_BUILT)
+        events->build_lost(events->context, work);
+    else if (work)
+        events->lost(events->context, work, by_itself);
+}
+
 void sv_crew_exited(struct sv_crew *crew, const struct sv_wire_exited *message)
 {
     struct sv_worker *worker = crew->workers;
@@ -276,6 +287,7 @@ void sv_crew_exited(struct sv_crew *crew, const struct sv_wire_exited *message)
     worker_lost(worker, "it was reaped");
     void *work = worker->work;
     bool told = worker->told;
+    enum sv_wire_type awaited = worker->awaits;
     free_worker(worker);
     if (!told) {
         const char *name = WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "exit";
@@ -286,8 +298,7 @@ void sv_crew_exited(struct sv_crew *crew, const struct sv_wire_exited *message)
         crew->early_deaths++;
     }
     schedule_refill(crew);
-    if (work)
-        crew->options.events.lost(crew->options.events.context, work, true);
+    work_lost(crew, awaited, work, true);
 }
 
 void sv_crew_dismiss(struct sv_crew *crew)
@@ -307,11 +318,11 @@ void sv_crew_abandon(struct sv_crew *crew)
     while (crew->workers) {
         struct sv_worker *worker = crew->workers;
         void *work = worker->work;
+        enum sv_wire_type awaited = worker->awaits;
         kill_process(worker);
         drop_slab(worker);
         free_worker(worker);
-        if (work)
-            crew->options.events.lost(crew->options.events.context, work, false);
+        work_lost(crew, awaited, work, false);
     }
 }
 
@@ -347,8 +358,8 @@ uint64_t sv_crew_own_bytes(const struct sv_crew *crew)
     return bytes;
 }
 
-static bool hand_over(struct sv_worker *worker, const union sv_wire_message *message, struct sv_slab *slab,
-                      void *work)
+static bool hand_over(struct sv_worker *worker, const union sv_wire_message *message, enum sv_wire_type awaits,
+                      struct sv_slab *slab, void *work)
 {
     struct sv_error error;
     if (sv_wire_send(worker->fd, message, slab ? sv_slab_fd(slab) : -1, &error) != SV_OK) {
@@ -357,6 +368,7 @@ static bool hand_over(struct sv_worker *worker, const union sv_wire_message *mes
     }
     worker->state = SV_WORKER_BUSY;
     worker->job = message->head.id;
+    worker->awaits = awaits;
     worker->slab = slab;
     worker->work = work;
     return true;
@@ -367,7 +379,7 @@ bool sv_worker_resolve(struct sv_worker *worker, const struct sv_view_request *r
     union sv_wire_message message;
     sv_wire_init(&message, SV_WIRE_RESOLVE, next_id++);
     message.resolve.request = *request;
-    return hand_over(worker, &message, NULL, work);
+    return hand_over(worker, &message, SV_WIRE_RESOLVED, NULL, work);
 }
 
 bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *request,
@@ -379,7 +391,16 @@ bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *requ
     message.view.view = *view;
     message.view.epsg = epsg;
     message.view.band_rows = request->height;
-    return hand_over(worker, &message, slab, work);
+    return hand_over(worker, &message, SV_WIRE_DRAWN, slab, work);
+}
+
+bool sv_worker_build(struct sv_worker *worker, const struct sv_view_request *request, uint32_t most, void *work)
+{
+    union sv_wire_message message;
+    sv_wire_init(&message, SV_WIRE_BUILD, next_id++);
+    message.build.request = *request;
+    message.build.most = most;
+    return hand_over(worker, &message, SV_WIRE_BUILT, NULL, work);
 }
 
 void sv_crew_kill(struct sv_crew *crew, const void *work, const char *why)

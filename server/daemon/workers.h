@@ -36,7 +36,8 @@ struct sv_worker {
     bool told; /* LEAVING because we said so */
     int fd, pidfd;
     struct sv_watch *fd_watch, *pid_watch;
-    uint64_t job; /* BUSY: its id */
+    uint64_t job; /* BUSY: its id, and the type of message that answers it */
+    enum sv_wire_type awaits;
     void *work;
     struct sv_slab *slab; /* BUSY with a view */
     uint64_t views, own_bytes;
@@ -49,6 +50,9 @@ struct sv_crew_events {
     /* slab: taken over by the callee. */
     void (*drawn)(void *context, void *work, const struct sv_wire_drawn *answer, struct sv_slab *slab,
                   uint64_t job);
+    /* Of sv_worker_build; the work that it is about is another one than that of the others. */
+    void (*built)(void *context, void *work, const struct sv_wire_built *answer);
+    void (*build_lost)(void *context, void *work);
     /* The worker died; by_itself: not because its scene process did. */
     void (*lost)(void *context, void *work, bool by_itself);
 };
@@ -94,6 +98,8 @@ bool sv_worker_resolve(struct sv_worker *worker, const struct sv_view_request *r
  * slab stays the caller's. */
 bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *request,
                     const struct sv_resolved_view *view, int epsg, struct sv_slab *slab, void *work);
+/* Builds at most `most` of the panels that the view would be drawn from. */
+bool sv_worker_build(struct sv_worker *worker, const struct sv_view_request *request, uint32_t most, void *work);
 /* Kills the worker that has this work, which is forgotten: no event follows. */
 void sv_crew_kill(struct sv_crew *crew, const void *work, const char *why);
 

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "api/patch_parse.h"
 #include "api/scene_doc.h"
 #include "core/geo/geo.h"
 #include "core/image/encode.h"
@@ -27,6 +28,7 @@ struct sv_backend {
     struct sv_store *store;
     struct sv_scene *scene;
     struct sv_renderer *renderer;
+    struct sv_cells_memory cells;
     int epsg;
     double load_s;
     uint64_t pixels_max, sample_pixels_max; /* for the document */
@@ -114,7 +116,8 @@ static void object_facts(const struct sv_backend *backend, int i, struct sv_obje
     const struct sv_scene *scene = backend->scene;
     const struct sv_object_draw *draw = sv_renderer_objects(backend->renderer);
     const struct sv_scene_object *o = &scene->objects[i];
-    *out = (struct sv_object_facts){.model = scene->models[o->model].file,
+    *out = (struct sv_object_facts){.number = o->number,
+                                    .model = scene->models[o->model].file,
                                     .x = o->x,
                                     .y = o->y,
                                     .z = o->z,
@@ -201,12 +204,24 @@ static enum sv_status load_scene(struct sv_backend *backend, const struct sv_bac
     return status;
 }
 
+/* Without memory for panels every view is drawn directly. */
+static void make_cells(struct sv_backend *backend, uint64_t bytes)
+{
+    struct sv_error error;
+    if (bytes > 0 && sv_cells_memory_make(bytes, &backend->cells, &error) != SV_OK)
+        sv_log(SV_LOG_WARNING, "cells", "%s: %s: there are no relief cells", error.field, error.message);
+}
+
 static enum sv_status make_renderer(struct sv_backend *backend, bool warm, struct sv_errors *errors)
 {
     struct sv_error error;
     /* The ray-cast structures are built before the fork, so that all workers share them; 0.3 s for the demo.
      */
-    struct sv_renderer_options renderer_options = {.store = backend->store, .clock = now_ms, .truth = warm};
+    struct sv_renderer_options renderer_options = {.store = backend->store,
+                                                   .clock = now_ms,
+                                                   .truth = warm,
+                                                   .cells = backend->cells.cache,
+                                                   .cells_slot = SV_CELL_CACHE_SLOTS - 1};
     enum sv_status status = sv_renderer_create(backend->scene, &renderer_options, &backend->renderer, &error);
     if (status != SV_OK)
         sv_errors_add(errors, status, error.field, "%s", error.message);
@@ -233,6 +248,7 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
     enum sv_status status = load_scene(backend, options, errors);
     if (status == SV_OK) {
         backend->epsg = sv_crs_epsg(backend->scene->crs);
+        make_cells(backend, options->cells_bytes);
         status = make_renderer(backend, !options->one_picture, errors);
     }
     if (status == SV_OK) {
@@ -250,6 +266,45 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
     return status;
 }
 
+/* ---- a patch ---- */
+
+static enum sv_status apply(struct sv_backend *backend, const struct sv_scene_patch *patch,
+                            struct sv_scene_change *change, struct sv_errors *errors)
+{
+    struct sv_scene_patch_options options = {.store = backend->store, .log = log_news};
+    struct sv_scene_delta delta;
+    struct sv_error error;
+    double start = now_ms();
+    enum sv_status status = sv_scene_patch_apply(backend->scene, patch, &options, &delta, errors);
+    if (status != SV_OK)
+        return status;
+    double middle = now_ms();
+    status = sv_renderer_change(backend->renderer, &delta, backend->store, &error);
+    if (status != SV_OK)
+        sv_errors_add(errors, SV_EINTERNAL, error.field, "%s", error.message);
+    sv_log(SV_LOG_INFO, "patch", "scene %.1f ms, what is drawn %.1f ms", middle - start, now_ms() - middle);
+    *change = delta.change;
+    sv_scene_delta_finish(&delta);
+    return status;
+}
+
+enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
+                                struct sv_scene_change *change, struct sv_errors *errors)
+{
+    struct sv_scene_patch patch;
+    enum sv_status status = sv_api_patch_parse(text, bytes, &backend->scene->spec, &patch, errors);
+    if (status != SV_OK)
+        return status;
+    status = apply(backend, &patch, change, errors);
+    sv_scene_patch_finish(&patch);
+    if (status != SV_OK)
+        return status;
+    if (sv_backend_renew_document(backend))
+        return SV_OK;
+    sv_errors_add(errors, SV_ENOMEM, "", "out of memory");
+    return SV_ENOMEM;
+}
+
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts)
 {
     *facts = (struct sv_backend_facts){.version = backend->scene->version,
@@ -264,6 +319,28 @@ enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_vi
 {
     enum sv_status status = sv_view_resolve(backend->scene, request, view, ground_z, error);
     *has_ground = status == SV_EUNDERGROUND;
+    return status;
+}
+
+/* ---- relief cells ---- */
+
+const struct sv_cells_memory *sv_backend_cells(const struct sv_backend *backend)
+{
+    return &backend->cells;
+}
+
+void sv_backend_use_slot(struct sv_backend *backend, int slot)
+{
+    sv_renderer_use_cells_slot(backend->renderer, slot);
+}
+
+enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view_request *request, uint32_t most,
+                                uint32_t *built, uint32_t *left, struct sv_error *error)
+{
+    struct sv_resolved_view view;
+    enum sv_status status = sv_view_resolve(backend->scene, request, &view, NULL, error);
+    if (status == SV_OK)
+        status = sv_renderer_build_cells(backend->renderer, request, &view, most, built, left, error);
     return status;
 }
 

@@ -12,9 +12,11 @@
 #include <stdint.h>
 
 #include "core/base/error.h"
+#include "core/scene/change.h"
 #include "core/view/request.h"
 #include "core/view/resolved.h"
 #include "core/view/timings.h"
+#include "server/cells_memory.h"
 
 struct sv_backend;
 
@@ -25,6 +27,7 @@ struct sv_backend_options {
     int processes;                          /* that may build side by side while loading */
     bool one_picture;                       /* is drawn, in this process: nothing is warmed up for workers */
     uint64_t pixels_max, sample_pixels_max; /* for the scene's document */
+    uint64_t cells_bytes;                   /* of relief panels that workers share; 0: none */
 };
 
 /* Everything that is told of a loaded scene. */
@@ -38,7 +41,19 @@ struct sv_backend_facts {
 /* On failure errors is not empty. */
 SV_MUST_CHECK enum sv_status sv_backend_load(const struct sv_backend_options *options,
                                              struct sv_backend **backend, struct sv_errors *errors);
+/* Changes the scene as the body of a PATCH says (api/patch_parse.h), in the process that it is called in,
+ * which no worker is forked from yet. On failure errors is not empty, and the process ends. */
+SV_MUST_CHECK enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
+                                              struct sv_scene_change *change, struct sv_errors *errors);
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts);
+/* The relief panels that workers share; its cache is NULL where there are none. Borrowed. */
+const struct sv_cells_memory *sv_backend_cells(const struct sv_backend *backend);
+/* In a worker that was just forked: its slot of that cache, negative: none. */
+void sv_backend_use_slot(struct sv_backend *backend, int slot);
+/* Builds at most `most` of the panels that the view would be drawn from: *built of them; *left: still missing. */
+SV_MUST_CHECK enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view_request *request,
+                                              uint32_t most, uint32_t *built, uint32_t *left,
+                                              struct sv_error *error);
 /* The form of trees that drawing the view has to build first, for seconds, and that could be built beside it:
  * 0: none. */
 int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view);

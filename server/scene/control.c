@@ -11,25 +11,30 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "server/log.h"
 #include "server/scene/worker.h"
 #include "server/wire.h"
 
-enum { BUILDER_NICE = 10, FORMS = 32 };
+/* The last slot is this process's own; a scene and its successor, who share the cache, take turns in the halves of the
+ * rest. */
+enum { BUILDER_NICE = 10, FORMS = 32, SLOTS = (SV_CELL_CACHE_SLOTS - 1) / 2 };
+
+static unsigned half; /* of the slots; handed on by fork */
 
 struct control {
     struct sv_backend *backend;
     int fd, signal_fd;
     int lacks[2];           /* pipe: forms that workers lack, a byte each */
     pid_t builder;          /* 0: none */
+    pid_t slots[SLOTS];     /* workers that have a slot of the cells' cache; 0: nobody */
     uint32_t wanted, tried; /* forms to build; that a builder was started for: nothing is tried twice */
 };
 
@@ -68,32 +73,26 @@ unsigned sv_control_threads(void)
     return count;
 }
 
-/* The text in a sealed memfd; -1 with errno. */
-static int text_descriptor(const char *text, size_t bytes)
-{
-    int fd = memfd_create("silvista-facts", MFD_CLOEXEC | MFD_ALLOW_SEALING);
-    if (fd < 0)
-        return -1;
-    for (size_t done = 0; done < bytes;) {
-        ssize_t n = write(fd, text + done, bytes - done);
-        if (n <= 0) {
-            close(fd);
-            return -1;
-        }
-        done += (size_t)n;
-    }
-    fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE);
-    return fd;
-}
-
 /* The document into a descriptor that is sent with the message; *bytes: its size. -1: logged. */
 static int facts_descriptor(const struct sv_backend_facts *facts, uint64_t *bytes)
 {
     *bytes = strlen(facts->document);
-    int fd = text_descriptor(facts->document, *bytes);
+    int fd = sv_wire_text_descriptor(facts->document, *bytes);
     if (fd < 0)
         sv_log(SV_LOG_ERROR, "control", "facts: %s", strerror(errno));
     return fd;
+}
+
+/* Before READY, so that the daemon has it when views are drawn. */
+static void say_cells(const struct control *c)
+{
+    union sv_wire_message message;
+    const struct sv_cells_memory *cells = sv_backend_cells(c->backend);
+    if (!cells->cache)
+        return;
+    sv_wire_init(&message, SV_WIRE_CELLS, 0);
+    message.cells.bytes = cells->bytes;
+    send_or_leave(c->fd, &message, cells->fd);
 }
 
 static bool say_ready(const struct control *c, unsigned threads)
@@ -110,6 +109,7 @@ static bool say_ready(const struct control *c, unsigned threads)
     int fd = facts_descriptor(&facts, &message.ready.facts_bytes);
     if (fd < 0)
         return false;
+    say_cells(c);
     send_or_leave(c->fd, &message, fd);
     close(fd);
     return true;
@@ -130,19 +130,47 @@ static void say_facts(const struct control *c)
     close(fd);
 }
 
+/* Of whom (0: a free one); -1: there is none. */
+static int find_slot(const struct control *c, pid_t pid)
+{
+    for (int slot = 0; slot < SLOTS; slot++)
+        if (c->slots[slot] == pid)
+            return slot;
+    return -1;
+}
+
+/* The process is dead: what it held or was building is free. */
+static void free_slot(struct control *c, pid_t pid)
+{
+    struct sv_cell_cache *cache = sv_backend_cells(c->backend)->cache;
+    int slot = find_slot(c, pid);
+    if (slot < 0)
+        return;
+    c->slots[slot] = 0;
+    if (cache)
+        sv_cell_cache_release(cache, half * SLOTS + (unsigned)slot);
+}
+
 /* Forks a worker that lives on the socket, and tells its pidfd: it is opened here, before anybody can reap
  * the child, so that it can mean no other process. */
-static void fork_worker(const struct control *c, uint64_t id, int socket)
+static void fork_worker(struct control *c, uint64_t id, int socket)
 {
     union sv_wire_message message;
     pid_t parent = getpid();
+    int slot = find_slot(c, 0);
+    struct sv_cell_cache *cache = sv_backend_cells(c->backend)->cache;
+    if (cache && slot >= 0) /* the scene before the one before this had the same half */
+        sv_cell_cache_release(cache, half * SLOTS + (unsigned)slot);
     pid_t pid = fork();
     if (pid == 0) {
         close(c->fd);
         close(c->signal_fd);
         close(c->lacks[0]);
+        sv_backend_use_slot(c->backend, slot < 0 ? slot : (int)half * SLOTS + slot);
         sv_worker_live(c->backend, socket, c->lacks[1], parent);
     }
+    if (pid > 0 && slot >= 0)
+        c->slots[slot] = pid;
     int fork_error = errno;
     int pidfd = pid > 0 ? (int)syscall(SYS_pidfd_open, pid, 0) : -1;
     sv_wire_init(&message, SV_WIRE_FORKED, id);
@@ -216,6 +244,7 @@ static void reap(struct control *c)
             start_builder(c);
             continue;
         }
+        free_slot(c, pid);
         sv_wire_init(&message, SV_WIRE_EXITED, 0);
         message.exited.pid = (int32_t)pid;
         message.exited.wait_status = status;
@@ -223,8 +252,98 @@ static void reap(struct control *c)
     }
 }
 
+/* ---- the successor ---- */
+
+enum { PATCH_BYTES_MAX = 1 << 26 };
+
+static double now_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+/* Takes the patch and makes it. False after the daemon was told why not. */
+static bool patch(struct sv_backend *backend, int control_fd)
+{
+    union sv_wire_message message;
+    struct sv_errors errors;
+    struct sv_error error;
+    struct sv_scene_change change;
+    int fd = -1;
+    if (sv_wire_receive(control_fd, &message, &fd, &error) != SV_OK || fd < 0 ||
+        message.head.type != SV_WIRE_PATCH_TEXT)
+        return false; /* the daemon is gone */
+    double start = now_ms();
+    uint64_t bytes = message.text.bytes;
+    char *text = sv_wire_read_text(fd, bytes, PATCH_BYTES_MAX);
+    close(fd);
+    sv_errors_init(&errors);
+    enum sv_status status = SV_ENOMEM;
+    if (text)
+        status = sv_backend_patch(backend, text, bytes, &change, &errors);
+    else
+        sv_errors_add(&errors, status, "", "no memory to read the patch");
+    if (status != SV_OK) {
+        sv_control_failed(control_fd, status, &errors);
+        return false;
+    }
+    free(text);
+    sv_errors_finish(&errors);
+    sv_wire_init(&message, SV_WIRE_PATCHED, 0);
+    message.patched.ms = now_ms() - start;
+    message.patched.change = change;
+    send_or_leave(control_fd, &message, -1);
+    return true;
+}
+
+/* middle: its parent at first, which ends at once, so that the daemon, as the subreaper, is its parent from
+ * then on. */
+_Noreturn static void be_successor(struct sv_backend *backend, int control_fd, pid_t middle, pid_t daemon)
+{
+    const struct timespec moment = {.tv_nsec = 100000};
+    while (getppid() == middle)
+        nanosleep(&moment, NULL);
+    if (prctl(PR_SET_PDEATHSIG, SIGKILL) || getppid() != daemon)
+        _exit(1);
+    unsigned threads = sv_control_threads();
+    half = 1 - half;
+    _exit(patch(backend, control_fd) ? sv_control_serve(control_fd, backend, threads) : EXIT_FAILURE);
+}
+
+/* Forks the process that serves the patched scene (copy on write); this one goes on as it is. */
+static void fork_successor(const struct control *c, uint64_t id, int socket)
+{
+    union sv_wire_message message;
+    pid_t daemon = getppid(), middle = fork();
+    int fork_error = errno, status;
+    if (middle > 0) {
+        while (waitpid(middle, &status, 0) < 0 && errno == EINTR)
+            ;
+        return;
+    }
+    pid_t pid = middle < 0 ? -1 : getpid();
+    if (middle == 0) {
+        pid_t self = pid;
+        pid = fork();
+        fork_error = errno;
+        if (pid == 0) {
+            const int own[] = {c->fd, c->signal_fd, c->lacks[0], c->lacks[1]};
+            for (size_t k = 0; k < sizeof own / sizeof own[0]; k++)
+                close(own[k]);
+            be_successor(c->backend, socket, self, daemon);
+        }
+    }
+    sv_wire_init(&message, SV_WIRE_FOLLOWED, id);
+    message.followed.pid = pid > 0 ? (int32_t)pid : 0;
+    message.followed.error_number = pid > 0 ? 0 : fork_error;
+    send_or_leave(c->fd, &message, -1);
+    if (middle == 0)
+        _exit(0);
+}
+
 /* False when the daemon has closed. */
-static bool take_order(const struct control *c)
+static bool take_order(struct control *c)
 {
     union sv_wire_message message;
     struct sv_error error;
@@ -232,8 +351,12 @@ static bool take_order(const struct control *c)
     enum sv_status status = sv_wire_receive(c->fd, &message, &socket, &error);
     if (status == SV_ENOENT)
         return false;
-    if (status == SV_OK && message.head.type == SV_WIRE_FORK && socket >= 0) {
-        fork_worker(c, message.head.id, socket);
+    bool fork_order = message.head.type == SV_WIRE_FORK, patch_order = message.head.type == SV_WIRE_PATCH;
+    if (status == SV_OK && (fork_order || patch_order) && socket >= 0) {
+        if (fork_order)
+            fork_worker(c, message.head.id, socket);
+        else
+            fork_successor(c, message.head.id, socket);
         close(socket);
         return true;
     }

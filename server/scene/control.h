@@ -1,4 +1,5 @@
-/* control.h - the scene process after loading: says that it is ready, forks workers on demand, reaps them. */
+/* control.h - the scene process after loading: says that it is ready, forks workers on demand, reaps them;
+ * forks its successor for a patch. */
 #ifndef SV_SERVER_CONTROL_H
 #define SV_SERVER_CONTROL_H
 

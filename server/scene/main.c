@@ -54,7 +54,7 @@ static enum sv_log_level level_of(const char *name)
 
 static void read_arguments(int argc, char **argv, struct arguments *a)
 {
-    enum { SCENE = 1, CACHE, BUDGET, WORKERS, CONTROL, LEVEL, HOOKS, PIXELS, SAMPLES, RENDER, OUTPUT };
+    enum { SCENE = 1, CACHE, BUDGET, WORKERS, CONTROL, LEVEL, HOOKS, PIXELS, SAMPLES, CELLS, RENDER, OUTPUT };
     static const struct option names[] = {{"scene", required_argument, NULL, SCENE},
                                           {"cache-dir", required_argument, NULL, CACHE},
                                           {"cache-budget-mb", required_argument, NULL, BUDGET},
@@ -64,6 +64,7 @@ static void read_arguments(int argc, char **argv, struct arguments *a)
                                           {"test-hooks-dir", required_argument, NULL, HOOKS},
                                           {"max-pixels", required_argument, NULL, PIXELS},
                                           {"max-samples-pixels", required_argument, NULL, SAMPLES},
+                                          {"cells-bytes", required_argument, NULL, CELLS},
                                           {"render", required_argument, NULL, RENDER},
                                           {"output", required_argument, NULL, OUTPUT},
                                           {NULL, 0, NULL, 0}};
@@ -100,6 +101,9 @@ static void read_arguments(int argc, char **argv, struct arguments *a)
             break;
         case SAMPLES:
             a->options.sample_pixels_max = strtoull(optarg, NULL, 10);
+            break;
+        case CELLS:
+            a->options.cells_bytes = strtoull(optarg, NULL, 10);
             break;
         case RENDER:
             a->render_view = optarg;

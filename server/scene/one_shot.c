@@ -12,7 +12,7 @@
 #include "api/describe.h"
 #include "api/view_parse.h"
 
-enum { VIEW_BYTES_MAX = 1 << 20 };
+enum { VIEW_BYTES_MAX = 1 << 20, CELLS_BYTES = 1 << 30 /* address space; memory as panels are drawn */ };
 
 static enum sv_status fail(struct sv_errors *errors, enum sv_status status, const char *field,
                            const char *text)
@@ -124,6 +124,8 @@ enum sv_status sv_one_shot(const struct sv_backend_options *options, const char 
     own.one_picture = true;
     own.processes = (int)sysconf(_SC_NPROCESSORS_ONLN);
     enum sv_status status = read_view(options, view_path, out_path, &view, errors);
+    if (status == SV_OK && view.request.relief == SV_RELIEF_ON)
+        own.cells_bytes = CELLS_BYTES;
     if (status == SV_OK)
         status = sv_backend_load(&own, &backend, errors);
     if (status != SV_OK)

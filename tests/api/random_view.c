@@ -182,6 +182,8 @@ void random_view(struct sv_rng *rng, struct random_view *view)
         set(view, SV_FIELD_QUALITY, below(rng, 2) ? "fast" : "balanced");
     if (below(rng, 3) == 0)
         set(view, SV_FIELD_RELIEF, below(rng, 2) ? "auto" : "off");
+    else
+        maybe(rng, view, SV_FIELD_RELIEF_RESOLUTION);
     if (below(rng, 3) == 0)
         set(view, SV_FIELD_SHADOWS, below(rng, 2) ? "on" : "off");
     maybe(rng, view, SV_FIELD_SAMPLES);

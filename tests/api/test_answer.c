@@ -23,6 +23,7 @@ static struct sv_resolved_view view_of(void)
                                   .width = 640,
                                   .height = 480,
                                   .near_m = 0.1};
+    v.cell = v.camera.eye;
     v.heading_rad = sv_radians(30);
     v.convergence_rad = sv_radians(-1.25);
     v.sun = (struct sv_sun){1, 0.5};
@@ -41,13 +42,16 @@ static void etags(void **state)
     sv_api_etag_view("x=1", &v, 7, "0.1.0", other);
     assert_string_equal(base, other);
     /* Each part counts. */
-    for (int part = 0; part < 12; part++) {
+    for (int part = 0; part < 15; part++) {
         v = view_of();
         v.camera.eye.x += part == 3 ? 1e-9 : 0;
         v.camera.up.z -= part == 4 ? 1e-15 : 0;
         v.camera.width += part == 5;
         v.sun.azimuth_rad += part == 6 ? 1e-9 : 0;
         v.plan.samples += part == 7;
+        v.plan.relief = part == 12 ? SV_RELIEF_ON : v.plan.relief;
+        v.plan.relief_distance_m += part == 13;
+        v.plan.relief_resolution += part == 14;
         v.plan.shadows = part == 8;
         v.air = part == 9;
         v.camera.projection = part == 10 ? SV_PROJECTION_ORTHOGRAPHIC : SV_PROJECTION_PERSPECTIVE;
@@ -202,6 +206,44 @@ static void view_headers(void **state)
     assert_string_equal(sv_api_headers_find(&h, "Content-Type"), "application/json");
 }
 
+/* What panels had to do with a picture; what a view that was not drawn will do is what its plan says. */
+static void cells(void **state)
+{
+    (void)state;
+    static const struct {
+        struct sv_cell_use cell;
+        const char *want, *relief;
+    } rows[] = {
+        {{.kind = SV_CELL_USE_NONE}, "none", "relief=off;"},
+        {{.kind = SV_CELL_USE_BYPASS, .id = 7}, "bypass", "relief=off;"},
+        {{.kind = SV_CELL_USE_BUILT, .id = 0xAB, .hits = 2, .refined = 2, .built = 1},
+         "built; id=00000000000000ab; panels=drawn", "relief=on;"},
+        {{.kind = SV_CELL_USE_HIT, .id = UINT64_MAX, .hits = 3, .refined = 2},
+         "hit; id=ffffffffffffffff; panels=drawn", "relief=on;"},
+        {{.kind = SV_CELL_USE_HIT, .id = 1, .hits = 3, .refined = 3},
+         "hit; id=0000000000000001; panels=refined", "relief=on;"},
+        {{.kind = 99, .id = 1}, "none", "relief=off;"},
+    };
+    struct sv_plan plan = {.draw_trees = true, .samples = 1};
+    char text[128];
+    for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
+        assert_string_equal(sv_api_cell_text(&rows[k].cell, text, sizeof text), rows[k].want);
+        assert_non_null(strstr(sv_api_plan_text(&plan, &rows[k].cell, text, sizeof text), rows[k].relief));
+    }
+    assert_string_equal(sv_api_cell_text(NULL, text, sizeof text), "none");
+    for (int mode = SV_RELIEF_AUTO; mode <= SV_RELIEF_ON; mode++) {
+        plan.relief = (enum sv_relief_mode)mode;
+        assert_string_equal(sv_api_plan_relief(&plan), sv_relief_name(plan.relief));
+    }
+    plan.samples = 4;
+    assert_string_equal(sv_api_plan_relief(&plan), "off");
+    plan.samples = 1;
+    plan.trees = SV_TREES_COARSE;
+    assert_string_equal(sv_api_plan_relief(&plan), "off");
+    plan.draw_trees = false;
+    assert_string_equal(sv_api_plan_relief(&plan), "on");
+}
+
 static void plans(void **state)
 {
     (void)state;
@@ -218,7 +260,7 @@ static void plans(void **state)
     };
     for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
         char text[128];
-        assert_string_equal(sv_api_plan_text(&rows[k].plan, text, sizeof text), rows[k].want);
+        assert_string_equal(sv_api_plan_text(&rows[k].plan, NULL, text, sizeof text), rows[k].want);
     }
 }
 
@@ -281,6 +323,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(etags),          cmocka_unit_test(if_none_match), cmocka_unit_test(routes),
         cmocka_unit_test(camera_line),    cmocka_unit_test(view_headers),  cmocka_unit_test(plans),
+        cmocka_unit_test(cells),
         cmocka_unit_test(common_headers), cmocka_unit_test(other_answers),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

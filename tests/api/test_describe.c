@@ -86,6 +86,7 @@ static void document(void **state)
                                   .height = 480,
                                   .near_m = 0.1};
     sv_camera_aim(&v.camera, sv_radians(45), 0, 0);
+    v.cell = v.camera.eye;
     v.heading_rad = sv_radians(45);
     v.ground_z = NAN;
     v.sun = (struct sv_sun){sv_radians(135), sv_radians(40)};

@@ -35,7 +35,7 @@ static void full(void **state)
                  "che\xFF",
          .tree_count = 16000}};
     const struct sv_object_facts object = {
-        "/home/someone/hut.glb", 1, 2, 99, sv_radians(30), 6, 128, 400, 1234567};
+        5, "/home/someone/hut.glb", 1, 2, 99, sv_radians(30), 6, 128, 400, 1234567};
     struct sv_scene_facts f = {.name = "demo",
                                .version = 0x1234,
                                .crs_name = "EPSG:32633",
@@ -95,7 +95,7 @@ static void full(void **state)
     assert_string_equal(cJSON_GetStringValue(cJSON_GetObjectItem(hut, "model")), "hut.glb"); /* no folder */
     assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "heading")) == 30);
     assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "index")) == 0);
-    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "id")) == 1073741824.0);
+    assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "id")) == 1073741829.0);
     assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "z")) == 99);
     assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "relief_resolution")) == 128);
     assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(hut, "triangles")) == 400);

@@ -126,6 +126,14 @@ static const struct {
     {"x=1&y=2&trees=fake", "trees"},
     {"x=1&y=2&quality=reference&trees=polygon", "trees"},
     {"x=1&y=2&relief=maybe", "relief"},
+    {"x=1&y=2&relief=on&trees=coarse", "relief"},
+    {"x=1&y=2&relief=on&samples=4", "relief"},
+    {"x=1&y=2&relief=on&layer=depth", "relief"},
+    {"x=1&y=2&relief=on&quality=reference", "relief"},
+    {"x=1&y=2&relief=on&projection=orthographic&ortho_height=9", "relief"},
+    {"x=1&y=2&relief=off&relief_distance=50&relief_resolution=512", "relief_distance relief_resolution"},
+    {"x=1&y=2&relief_distance=24&relief_resolution=255", "relief_distance relief_resolution"},
+    {"x=1&y=2&relief_distance=401&relief_resolution=2049", "relief_distance relief_resolution"},
     {"x=1&y=2&relief_distance=0&relief_resolution=1", "relief_distance relief_resolution"},
     {"x=1&y=2&samples=2", "samples"},
     {"x=1&y=2&samples=0", "samples"},
@@ -202,11 +210,11 @@ static void not_built_yet(void **state)
     } rows[] = {
         {"x=1&y=2&max_error=1", "max_error"},
         {"x=1&y=2&budget_ms=20", "budget_ms"},
-        {"x=1&y=2&relief=on", "relief"},
+        {"x=1&y=2&relief=on", NULL},
         {"x=1&y=2&relief=paper", NULL},
         {"x=1&y=2&relief=off", NULL},
         {"x=1&y=2&relief=auto", NULL},
-        {"x=1&y=2&relief_distance=50&relief_resolution=512", "relief_distance relief_resolution"},
+        {"x=1&y=2&relief_distance=50&relief_resolution=512", NULL},
         {"x=1&y=2&trees=billboard", NULL},
         {"x=1&y=2&trees=indirect", NULL},
         {"x=1&y=2&trees=density", NULL},
@@ -222,7 +230,7 @@ static void not_built_yet(void **state)
         {"x=1&y=2&shadows=on&trees=raycast", NULL},
         {"x=1&y=2&shadows=on&quality=reference", NULL},
         {"x=1&y=2&shadows=on&quality=reference&trees=none", NULL},
-        {"x=1&y=2&relief=on&trees=coarse&max_error=2", "max_error relief"},
+        {"x=1&y=2&relief=paper&trees=coarse&max_error=2", "max_error"},
     };
     for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
         struct result r = kvp(rows[k].query, NULL);
@@ -339,7 +347,7 @@ static void formats(void **state)
     struct result clear = kvp("x=1&y=2&sky=off", "image/jpeg");
     assert_non_null(strstr(clear.first, "layer=color with sky=off: accept or give one of image/png"));
     assert_null(strstr(clear.first, "jpeg"));
-    assert_int_equal(kvp("x=1&y=2&relief=on", "text/html").kind, SV_PROBLEM_NOT_BUILT); /* 501 before 406 */
+    assert_int_equal(kvp("x=1&y=2&max_error=2", "text/html").kind, SV_PROBLEM_NOT_BUILT); /* 501 before 406 */
     assert_int_equal(kvp("x=1", "text/html").kind, SV_PROBLEM_BAD_REQUEST);
 }
 
@@ -390,7 +398,7 @@ static void json_bodies(void **state)
         if (r.kind != want || (rows[k].fields && strcmp(r.fields, rows[k].fields) != 0))
             fail_msg("%s: got %d [%s] %s", rows[k].body, sv_api_problem_status(r.kind), r.fields, r.first);
     }
-    assert_int_equal(json("{\"x\":1,\"y\":2,\"relief\":\"on\"}", NULL).kind, SV_PROBLEM_NOT_BUILT);
+    assert_int_equal(json("{\"x\":1,\"y\":2,\"relief\":\"paper\"}", NULL).kind, SV_PROBLEM_NOT_BUILT);
     assert_int_equal(json("{\"x\":1,\"y\":2}", "text/plain").kind, SV_PROBLEM_NOT_ACCEPTABLE);
     assert_true(json("{\"x\":1,\"y\":2,\"sky\":false}", NULL).view.request.format == SV_FORMAT_PNG);
 }

@@ -11,6 +11,7 @@
 #include "core/base/hash.h"
 #include "core/base/rng.h"
 #include "core/image/encode.h"
+#include "core/view/cells_refine.h"
 
 /* The species of deploy/demo/scene.json. */
 static const char SCENE[] =
@@ -195,6 +196,22 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
         *ms = forest_now_ms() - since;
     if (cpu_ms)
         *cpu_ms = clock_ms(CLOCK_PROCESS_CPUTIME_ID) - cpu_since;
+}
+
+uint32_t forest_refine(const struct forest *forest, const struct sv_view_request *request, int samples, int scale,
+                       double *cpu_ms)
+{
+    struct sv_error error = {0};
+    struct sv_resolved_view view;
+    struct sv_cells_refine_options options = {.samples = samples, .scale = scale};
+    struct sv_cells_refine_report report;
+    double cpu_since = clock_ms(CLOCK_PROCESS_CPUTIME_ID);
+    resolve(forest, request, &view);
+    if (sv_renderer_refine_cells(forest->renderer, request, &view, &options, &report, &error))
+        die("refine", &error);
+    if (cpu_ms)
+        *cpu_ms = clock_ms(CLOCK_PROCESS_CPUTIME_ID) - cpu_since;
+    return report.refined;
 }
 
 /* What the truth depends on: not how we would have drawn the view. */

@@ -1,33 +1,51 @@
 /* walkthrough.c - the forest of table 2 walked through, flown over and jumped about in, drawn from relief
  * cells, beside paper 1's own way, direct drawing and the one-sample ray cast of the same poses.
  *
- *   walkthrough [--count N] [--path flight|walk|jump] [--frames N] [--forms on,paper,off,raycast] [--size N]
- * [--truth STRIDE]
+ *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,paper,off,raycast,four]
+ *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
  *               [--warm] [--still] [-o FOLDER]
  *
  * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
  * kinds at random. --warm: the path is gone along once before it is measured; --still: the first pose again
- * and again. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. One process: ms a frame
- * on one core, encoding left out. FOLDER: walkthrough.csv and pictures. */
+ * and again. --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured.
+ * four: the ray cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast
+ * truth.
+ *
+ * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
+ * frame, in all forms one after the other; frames a second are workers * 1000 / median ms, encoding left out.
+ * FOLDER: walkthrough.csv (a row a frame and form), pictures of the compared frames, plots of ms over frames
+ * and of frames a second over the number of trees, and a contact sheet of the path (rows of cells, and of
+ * direct drawing under each). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include "core/view/cells.h"
+#include "core/view/warm.h"
 #include "tests/experiments/forest_kit.h"
+#include "tests/experiments/motion_sheet.h"
+#include "tests/experiments/plot.h"
 
 enum path { FLIGHT, WALK, JUMP };
-enum form { ON, PAPER, OFF, RAYCAST, FORMS };
+enum form { ON, AUTO, PAPER, OFF, RAYCAST, RAYCAST4, FORMS };
 static const char *const PATHS[] = {"flight", "walk", "jump"};
-static const char *const NAMES[] = {"on", "paper", "off", "raycast"};
+static const char *const NAMES[] = {"on", "auto", "paper", "off", "raycast", "four"};
 #define FRAMES_PER_S 30.0
-enum { FRAMES_MAX = 4096 };
+enum { FRAMES_MAX = 4096, COUNTS_MAX = 16, WORKERS_MAX = 2, SHEET_COLUMNS = 6 };
 
 struct setup {
-    uint32_t trees;
+    uint32_t trees; /* of the count at hand */
+    uint32_t counts[COUNTS_MAX];
+    int count_count;
     enum path path;
-    int frames, size, truth_stride;
+    int frames, width, height, truth_stride, workers;
+    int refine_samples, refine_scale; /* 0: panels stay as built */
+    int panel;                        /* texels a side; 0: the scene's */
     bool forms[FORMS], warm, still;
     const char *folder;
 };
@@ -36,7 +54,8 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
 {
     if (setup->path == JUMP) {
         struct sv_view_request r = forest_request(forest, k & 1 ? FOREST_WALK : FOREST_OVERVIEW, k / 2);
-        r.width = r.height = setup->size;
+        r.width = setup->width;
+        r.height = setup->height;
         return r;
     }
     bool walk = setup->path == WALK;
@@ -46,95 +65,351 @@ static struct sv_view_request pose(const struct forest *forest, const struct set
     r.eye.y += step * cos(r.heading_rad);
     r.eye.agl = walk ? 1.7 : 40;
     r.pitch_rad = sv_radians(walk ? 3 : -12);
-    r.width = r.height = setup->size;
+    r.width = setup->width;
+    r.height = setup->height;
     return r;
 }
 
 static void dress(struct sv_view_request *request, enum form form)
 {
-    static const enum sv_relief_mode reliefs[FORMS] = {SV_RELIEF_ON, SV_RELIEF_PAPER, SV_RELIEF_OFF,
-                                                       SV_RELIEF_OFF};
+    static const enum sv_relief_mode reliefs[FORMS] = {[ON] = SV_RELIEF_ON, [AUTO] = SV_RELIEF_AUTO,
+                                                       [PAPER] = SV_RELIEF_PAPER, [OFF] = SV_RELIEF_OFF,
+                                                       [RAYCAST] = SV_RELIEF_OFF, [RAYCAST4] = SV_RELIEF_OFF};
     request->relief = reliefs[form];
-    request->trees = form == RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
-    request->samples = 1;
+    request->trees = form >= RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
+    request->samples = form == RAYCAST4 ? 4 : 1;
 }
 
-static double values[FORMS][FRAMES_MAX];
-
-static double percentile(const double *of, int count, double share)
+static void refine(const struct forest *forest, const struct setup *setup, struct sv_view_request *request)
 {
-    double sorted[FRAMES_MAX];
-    memcpy(sorted, of, (size_t)count * sizeof *of);
-    forest_median(sorted, count);
-    return sorted[(int)fmin(share * count, count - 1)];
+    request->relief_resolution = setup->panel;
+    if (!setup->refine_samples)
+        return;
+    struct sv_picture picture;
+    double ms;
+    forest_draw(forest, request, &picture, NULL, NULL, NULL);
+    sv_picture_finish(&picture);
+    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale, &ms);
+    printf("refined %u panels in %.1f s\n", count, ms * 1e-3);
 }
 
-static void run(const struct forest *forest, const struct setup *setup, FILE *csv)
+/* One frame in one form; workers write them into memory that all share. */
+struct record {
+    double ms, cpu_ms, stage_ms[SV_STAGE_COUNT];
+    double mean_abs, ssim, gradient; /* 0 unless compared */
+    double holes, holes_left;        /* shares of the picture, of the ground's warp */
+    struct sv_cell_use cell;
+    bool compared, cells; /* cells: drawn from them */
+};
+static struct record (*records)[FRAMES_MAX];
+
+static void keep(const struct setup *setup, const struct sv_image *image, int frame, const char *name)
 {
-    double sum[FORMS][3] = {{0}};
-    int compared = 0;
-    for (int k = 0; k < setup->frames; k++) {
+    char path[512];
+    if (!setup->folder)
+        return;
+    snprintf(path, sizeof path, "%s/%u-%s-%04d-%s.png", setup->folder, setup->trees, PATHS[setup->path],
+             frame, name);
+    forest_save(image, path);
+}
+
+static void draw_frame(const struct forest *forest, const struct setup *setup, int k, enum form form,
+                       const struct sv_image *truth)
+{
+    struct record *to = &records[form][k];
+    struct sv_view_request request = pose(forest, setup, k);
+    struct sv_picture picture;
+    struct sv_draw_stats stats = {0};
+    dress(&request, form);
+    if (form == ON)
+        refine(forest, setup, &request);
+    forest_draw(forest, &request, &picture, &stats, &to->ms, &to->cpu_ms);
+    for (int stage = 0; stage < SV_STAGE_COUNT; stage++)
+        to->stage_ms[stage] = forest_stage_ms((enum sv_stage)stage);
+    to->cell = stats.cell;
+    to->cells = stats.cell.kind == SV_CELL_USE_BUILT || stats.cell.kind == SV_CELL_USE_HIT;
+    if (to->cells) {
+        const struct sv_cells_report *report = sv_renderer_cells_report(forest->renderer);
+        double pixels = (double)request.width * request.height;
+        to->holes = (double)report->hole_pixels / pixels;
+        to->holes_left = (double)report->holes_left / pixels;
+    }
+    if (truth) {
+        struct sv_compare_result r = forest_compare(&picture.layer[SV_LAYER_COLOR], truth);
+        to->compared = true;
+        to->mean_abs = r.mean_abs;
+        to->ssim = r.ssim;
+        to->gradient = r.gradient_ratio;
+        keep(setup, &picture.layer[SV_LAYER_COLOR], k, NAMES[form]);
+    }
+    sv_picture_finish(&picture);
+}
+
+static void work(const struct forest *forest, const struct setup *setup, int worker)
+{
+    for (int k = worker; k < setup->frames; k += setup->workers) {
         struct sv_view_request request = pose(forest, setup, k);
         bool compare = setup->truth_stride > 0 && k % setup->truth_stride == 0;
         struct sv_image truth = {0};
         if (compare)
             forest_truth(forest, &request, &truth);
-        compared += compare;
-        for (int form = 0; form < FORMS; form++) {
-            struct sv_picture picture;
-            struct sv_compare_result r = {0};
-            struct sv_view_request of = request;
-            double ms, cpu_ms;
-            if (!setup->forms[form])
-                continue;
-            dress(&of, (enum form)form);
-            forest_draw(forest, &of, &picture, NULL, &ms, &cpu_ms);
-            values[form][k] = cpu_ms;
-            if (compare) {
-                r = forest_compare(&picture.layer[SV_LAYER_COLOR], &truth);
-                sum[form][0] += r.mean_abs;
-                sum[form][1] += r.ssim;
-                sum[form][2] += r.gradient_ratio;
-            }
-            fprintf(csv, "%u,%s,%d,%s,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,%.4f,%.5f,%.4f\n", setup->trees,
-                    PATHS[setup->path], k, NAMES[form], ms, cpu_ms, forest_stage_ms(SV_STAGE_CELL),
-                    forest_stage_ms(SV_STAGE_WARP), forest_stage_ms(SV_STAGE_NEAR),
-                    forest_stage_ms(SV_STAGE_COMPOSITE), r.mean_abs, r.ssim, r.gradient_ratio);
-            if (compare && setup->folder) {
-                char path[512];
-                snprintf(path, sizeof path, "%s/%s-%04d-%s.png", setup->folder, PATHS[setup->path], k,
-                         NAMES[form]);
-                forest_save(&picture.layer[SV_LAYER_COLOR], path);
-            }
-            sv_picture_finish(&picture);
-        }
-        if (compare && setup->folder) {
-            char path[512];
-            snprintf(path, sizeof path, "%s/%s-%04d-truth.png", setup->folder, PATHS[setup->path], k);
-            forest_save(&truth, path);
-        }
+        for (int form = 0; form < FORMS; form++)
+            if (setup->forms[form])
+                draw_frame(forest, setup, k, (enum form)form, compare ? &truth : NULL);
+        if (compare)
+            keep(setup, &truth, k, "truth");
         sv_image_free(&truth);
     }
+}
+
+/* False when a worker failed. */
+static bool run(const struct forest *forest, const struct setup *setup)
+{
+    pid_t child[WORKERS_MAX];
+    bool well = true;
+    memset(records, 0, sizeof(struct record[FORMS][FRAMES_MAX]));
+    fflush(NULL);
+    for (int w = 0; w < setup->workers; w++) {
+        child[w] = fork();
+        if (child[w] == 0) {
+            sv_renderer_use_cells_slot(forest->renderer, w);
+            work(forest, setup, w);
+            fflush(NULL);
+            _exit(0);
+        }
+    }
+    for (int w = 0; w < setup->workers; w++) {
+        int status = 1;
+        well = child[w] > 0 && waitpid(child[w], &status, 0) == child[w] && status == 0 && well;
+    }
+    return well;
+}
+
+/* ---- what came out ---- */
+
+static double percentile(enum form form, int count, bool cpu, double share)
+{
+    double sorted[FRAMES_MAX];
+    for (int k = 0; k < count; k++)
+        sorted[k] = cpu ? records[form][k].cpu_ms : records[form][k].ms;
+    forest_median(sorted, count);
+    return share == 0.5 ? forest_median(sorted, count) : sorted[(int)fmin(share * count, count - 1)];
+}
+
+static double frames_per_s(const struct setup *setup, enum form form)
+{
+    return setup->workers * 1000 / percentile(form, setup->frames, false, 0.5);
+}
+
+static void tell_cells(const struct setup *setup, enum form form)
+{
+    double holes = 0, worst = 0, left = 0;
+    uint32_t drawn = 0, built = 0, frames_built = 0;
+    for (int k = 0; k < setup->frames; k++) {
+        const struct record *r = &records[form][k];
+        drawn += r->cells;
+        built += r->cell.built;
+        frames_built += r->cell.built > 0;
+        holes += r->holes;
+        worst = fmax(worst, r->holes);
+        left = fmax(left, r->holes_left);
+    }
+    if (drawn > 0)
+        printf("       %u of %d frames from cells; %u panels built in %u frames; holes before filling %.4f "
+               "%% of the "
+               "picture (worst %.4f %%), after %.4f %%\n",
+               drawn, setup->frames, built, frames_built, 100 * holes / drawn, 100 * worst, 100 * left);
+}
+
+static void tell(const struct setup *setup, enum form form)
+{
+    double sum[3] = {0};
+    int compared = 0;
+    for (int k = 0; k < setup->frames; k++) {
+        const struct record *r = &records[form][k];
+        compared += r->compared;
+        sum[0] += r->mean_abs;
+        sum[1] += r->ssim;
+        sum[2] += r->gradient;
+    }
+    printf("%6u %-6s %-7s ms: median %8.2f  99 %% %8.2f (%.1f frames/s)   processor ms: median %8.2f  99 %% "
+           "%8.2f",
+           setup->trees, PATHS[setup->path], NAMES[form], percentile(form, setup->frames, false, 0.5),
+           percentile(form, setup->frames, false, 0.99), frames_per_s(setup, form),
+           percentile(form, setup->frames, true, 0.5), percentile(form, setup->frames, true, 0.99));
+    if (compared > 0)
+        printf("   mean abs %.3f  SSIM %.4f  gradient %.3f", sum[0] / compared, sum[1] / compared,
+               sum[2] / compared);
+    printf("\n");
+    tell_cells(setup, form);
+}
+
+static void write_rows(const struct setup *setup, FILE *csv)
+{
+    for (int k = 0; k < setup->frames; k++)
+        for (int form = 0; form < FORMS; form++) {
+            const struct record *r = &records[form][k];
+            if (!setup->forms[form])
+                continue;
+            fprintf(csv, "%u,%s,%d,%s,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,%u,%u,%.6f,%.6f,%.4f,%.5f,%.4f\n",
+                    setup->trees, PATHS[setup->path], k, NAMES[form], r->ms, r->cpu_ms,
+                    r->stage_ms[SV_STAGE_CELL], r->stage_ms[SV_STAGE_WARP], r->stage_ms[SV_STAGE_NEAR],
+                    r->stage_ms[SV_STAGE_COMPOSITE], r->cell.hits, r->cell.built, r->holes, r->holes_left,
+                    r->mean_abs, r->ssim, r->gradient);
+        }
+}
+
+/* Milliseconds over frames, of the count at hand. */
+static void plot_frames(const struct setup *setup)
+{
+    static double x[FRAMES_MAX], y[FORMS][FRAMES_MAX];
+    struct plot_line lines[FORMS];
+    char path[512], title[128];
+    int n = 0;
+    for (int k = 0; k < setup->frames; k++)
+        x[k] = k;
+    for (int form = 0; form < FORMS; form++) {
+        for (int k = 0; k < setup->frames; k++)
+            y[form][k] = records[form][k].ms;
+        if (setup->forms[form])
+            lines[n++] = (struct plot_line){NAMES[form], x, y[form], setup->frames, false};
+    }
+    snprintf(title, sizeof title, "%s, %u trees, %d x %d, %d workers", PATHS[setup->path], setup->trees,
+             setup->width, setup->height, setup->workers);
+    snprintf(path, sizeof path, "%s/%u-%s.svg", setup->folder, setup->trees, PATHS[setup->path]);
+    if (!plot_write(path, &(struct plot_axes){title, "frame", "ms", false, true}, lines, n))
+        perror(path);
+}
+
+static void plot_counts(const struct setup *setup, double rate[FORMS][COUNTS_MAX])
+{
+    struct plot_line lines[FORMS];
+    double x[COUNTS_MAX];
+    char path[512];
+    int n = 0;
+    for (int k = 0; k < setup->count_count; k++)
+        x[k] = setup->counts[k];
     for (int form = 0; form < FORMS; form++)
         if (setup->forms[form])
-            printf("%6u %-6s %-7s processor ms: median %8.2f  99 %% %8.2f   mean abs %.3f  SSIM %.4f  "
-                   "gradient %.3f\n",
-                   setup->trees, PATHS[setup->path], NAMES[form],
-                   percentile(values[form], setup->frames, 0.5),
-                   percentile(values[form], setup->frames, 0.99), sum[form][0] / compared,
-                   sum[form][1] / compared, sum[form][2] / compared);
+            lines[n++] = (struct plot_line){NAMES[form], x, rate[form], setup->count_count, false};
+    snprintf(path, sizeof path, "%s/%s.svg", setup->folder, PATHS[setup->path]);
+    if (!plot_write(
+            path, &(struct plot_axes){"Frames a second by number of trees", "trees", "frames/s", true, true},
+            lines, n))
+        perror(path);
+}
+
+/* Two times SHEET_COLUMNS frames of the path, evenly: a row from cells, a row drawn directly, and again. */
+static void write_sheet(const struct forest *forest, const struct setup *setup)
+{
+    struct motion_sheet sheet;
+    char path[512];
+    motion_sheet_init(&sheet, SHEET_COLUMNS, 4, setup->width / 2, setup->height / 2);
+    for (int row = 0; row < 4; row++)
+        for (int column = 0; column < SHEET_COLUMNS; column++) {
+            int step = row / 2 * SHEET_COLUMNS + column;
+            struct sv_view_request request = pose(forest, setup, step * setup->frames / (2 * SHEET_COLUMNS));
+            struct sv_picture picture;
+            dress(&request, row % 2 ? OFF : ON);
+            forest_draw(forest, &request, &picture, NULL, NULL, NULL);
+            motion_sheet_add(&sheet, &picture.layer[SV_LAYER_COLOR]);
+            sv_picture_finish(&picture);
+        }
+    snprintf(path, sizeof path, "%s/%u-%s-sheet.png", setup->folder, setup->trees, PATHS[setup->path]);
+    forest_save(&sheet.image, path);
+    motion_sheet_finish(&sheet);
+}
+
+static void go_along(const struct forest *forest, const struct setup *setup)
+{
+    for (int k = 0; k < setup->frames; k++) {
+        struct sv_view_request request = pose(forest, setup, k);
+        struct sv_picture picture;
+        dress(&request, ON);
+        forest_draw(forest, &request, &picture, NULL, NULL, NULL);
+        sv_picture_finish(&picture);
+    }
+}
+
+static bool run_count(const struct setup *setup, FILE *csv, double rate[FORMS])
+{
+    struct forest forest;
+    struct sv_error error = {0};
+    forest_open(setup->trees,
+                setup->forms[RAYCAST] || setup->forms[RAYCAST4] || setup->refine_samples ||
+                    setup->truth_stride > 0,
+                &forest);
+    if (sv_view_warm(forest.renderer, forest.scene, 1u << SV_LAYER_COLOR, &error)) {
+        fprintf(stderr, "warm: %s\n", error.message);
+        return false;
+    }
+    if (setup->warm && setup->forms[ON])
+        go_along(&forest, setup);
+    bool well = run(&forest, setup);
+    for (int form = 0; form < FORMS && well; form++)
+        if (setup->forms[form]) {
+            tell(setup, (enum form)form);
+            rate[form] = frames_per_s(setup, (enum form)form);
+        }
+    write_rows(setup, csv);
+    if (setup->folder && well) {
+        plot_frames(setup);
+        write_sheet(&forest, setup);
+    }
+    forest_close(&forest);
+    fflush(stdout);
+    return well;
+}
+
+static bool read_counts(const char *text, struct setup *setup)
+{
+    setup->count_count = 0;
+    for (char *end; *text; text = *end ? end + 1 : end) {
+        unsigned long v = strtoul(text, &end, 10);
+        if (end == text || (*end && *end != ',') || v > SV_FOREST_TREES_MAX ||
+            setup->count_count == COUNTS_MAX)
+            return false;
+        setup->counts[setup->count_count++] = (uint32_t)v;
+    }
+    return setup->count_count > 0;
+}
+
+static bool read_forms(const char *text, struct setup *setup)
+{
+    for (int k = 0; k < FORMS; k++)
+        setup->forms[k] = false;
+    while (*text) {
+        size_t n = strcspn(text, ",");
+        int form = 0;
+        while (form < FORMS && (strlen(NAMES[form]) != n || strncmp(text, NAMES[form], n) != 0))
+            form++;
+        if (form == FORMS)
+            return false;
+        setup->forms[form] = true;
+        text += n + (text[n] == ',');
+    }
+    return true;
 }
 
 static bool option(struct setup *setup, const char *name, const char *value)
 {
-    if (strcmp(name, "--count") == 0)
-        setup->trees = (uint32_t)strtoul(value, NULL, 10);
+    if (strcmp(name, "--counts") == 0)
+        return read_counts(value, setup);
     else if (strcmp(name, "--frames") == 0)
         return (setup->frames = atoi(value)) > 0 && setup->frames <= FRAMES_MAX;
     else if (strcmp(name, "--size") == 0)
-        return (setup->size = atoi(value)) >= 16;
+        return sscanf(value, "%dx%d", &setup->width, &setup->height) == 2 &&
+               setup->width >= SV_VIEW_SIDE_MIN && setup->height >= SV_VIEW_SIDE_MIN &&
+               setup->width <= SV_VIEW_SIDE_MAX && setup->height <= SV_VIEW_SIDE_MAX;
+    else if (strcmp(name, "--workers") == 0)
+        return (setup->workers = atoi(value)) >= 1 && setup->workers <= WORKERS_MAX;
     else if (strcmp(name, "--truth") == 0)
         setup->truth_stride = atoi(value);
+    else if (strcmp(name, "--panel") == 0)
+        return (setup->panel = atoi(value)) >= 16;
+    else if (strcmp(name, "--refine") == 0)
+        return sscanf(value, "%dx%d", &setup->refine_samples, &setup->refine_scale) >= 1 &&
+               setup->refine_samples >= 1 && setup->refine_scale >= 1;
     else if (strcmp(name, "-o") == 0)
         setup->folder = value;
     else if (strcmp(name, "--path") == 0) {
@@ -145,8 +420,7 @@ static bool option(struct setup *setup, const char *name, const char *value)
             }
         return false;
     } else if (strcmp(name, "--forms") == 0) {
-        for (int k = 0; k < FORMS; k++)
-            setup->forms[k] = strstr(value, NAMES[k]) != NULL;
+        return read_forms(value, setup);
     } else
         return false;
     return true;
@@ -154,8 +428,14 @@ static bool option(struct setup *setup, const char *name, const char *value)
 
 int main(int argc, char **argv)
 {
-    struct setup setup = {.trees = 45000, .frames = 60, .size = 512, .forms = {[ON] = true, [OFF] = true}};
-    struct forest forest;
+    struct setup setup = {.counts = {45000},
+                          .count_count = 1,
+                          .frames = 60,
+                          .width = 512,
+                          .height = 512,
+                          .workers = 1,
+                          .refine_scale = 1,
+                          .forms = {[ON] = true, [OFF] = true}};
     bool well = true;
     for (int k = 1; k < argc && well; k++) {
         if (strcmp(argv[k], "--warm") == 0)
@@ -166,10 +446,9 @@ int main(int argc, char **argv)
             k++;
     }
     if (!well) {
-        fprintf(
-            stderr,
-            "usage: walkthrough [--count N] [--path flight|walk|jump] [--frames N] "
-            "[--forms on,paper,off,raycast] [--size N] [--truth STRIDE] [--warm] [--still] [-o FOLDER]\n");
+        fprintf(stderr, "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
+                        "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
+                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
@@ -178,26 +457,26 @@ int main(int argc, char **argv)
         snprintf(path, sizeof path, "%s/walkthrough.csv", setup.folder);
     }
     FILE *csv = fopen(path, "w");
-    if (!csv) {
+    records = mmap(NULL, sizeof(struct record[FORMS][FRAMES_MAX]), PROT_READ | PROT_WRITE,
+                   MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (!csv || records == MAP_FAILED) {
         perror(path);
         return 1;
     }
-    fprintf(csv, "trees,path,frame,form,ms,processor_ms,cell_ms,warp_ms,near_ms,composite_ms,mean_abs,ssim,"
-                 "gradient\n");
+    fprintf(csv,
+            "trees,path,frame,form,ms,processor_ms,cell_ms,warp_ms,near_ms,composite_ms,panels,built,holes,"
+            "holes_left,mean_abs,ssim,gradient\n");
+    static double rate[FORMS][COUNTS_MAX];
     forest_use_cells((size_t)4 << 30);
-    forest_open(setup.trees, setup.forms[RAYCAST] || setup.truth_stride > 0, &forest);
-    for (int k = 0; k < 2 * setup.frames && setup.warm; k++) {
-        enum form form = k < setup.frames ? ON : PAPER;
-        struct sv_view_request request = pose(&forest, &setup, k % setup.frames);
-        struct sv_picture picture;
-        if (!setup.forms[form])
-            continue;
-        dress(&request, form);
-        forest_draw(&forest, &request, &picture, NULL, NULL, NULL);
-        sv_picture_finish(&picture);
+    for (int k = 0; k < setup.count_count && well; k++) {
+        double of[FORMS] = {0};
+        setup.trees = setup.counts[k];
+        well = run_count(&setup, csv, of);
+        for (int form = 0; form < FORMS; form++)
+            rate[form][k] = of[form];
     }
-    run(&forest, &setup, csv);
+    if (setup.folder && setup.count_count > 1 && well)
+        plot_counts(&setup, rate);
     fclose(csv);
-    forest_close(&forest);
-    return 0;
+    return well ? 0 : 1;
 }

@@ -84,10 +84,60 @@ enum sv_status sv_backend_load(const struct sv_backend_options *options, struct 
     return b ? SV_OK : errors->count ? errors->items[0].code : SV_ENOMEM;
 }
 
+/* Anything that is an object is a patch; its bytes make the version. "outside" among its keys: there is no
+ * room. */
+enum sv_status sv_backend_patch(struct sv_backend *backend, const char *text, size_t bytes,
+                                struct sv_scene_change *change, struct sv_errors *errors)
+{
+    cJSON *root = cJSON_ParseWithLength(text, bytes);
+    enum sv_status status = !cJSON_IsObject(root)                  ? SV_EINVAL
+                            : cJSON_HasObjectItem(root, "outside") ? SV_EOUTSIDE
+                                                                   : SV_OK;
+    if (cJSON_HasObjectItem(root, "die"))
+        abort();
+    cJSON_Delete(root);
+    if (status != SV_OK) {
+        sv_errors_add(errors, status, "trees.add[0]", "not like that");
+        return status;
+    }
+    backend->version = sv_hash_done(sv_hash_bytes(sv_hash_u64(SV_HASH_INIT, backend->version), text, bytes));
+    char version[24];
+    char *told = strstr(backend->document, "\"version\":\"");
+    snprintf(version, sizeof version, "%016llx", (unsigned long long)backend->version);
+    if (told)
+        memcpy(told + strlen("\"version\":\""), version, strlen(version));
+    *change = (struct sv_scene_change){.trees_added = 1};
+    return SV_OK;
+}
+
 void sv_backend_facts(const struct sv_backend *backend, struct sv_backend_facts *facts)
 {
     *facts = (struct sv_backend_facts){
         .version = backend->version, .relief_distance_m = 100, .document = backend->document};
+}
+
+const struct sv_cells_memory *sv_backend_cells(const struct sv_backend *backend)
+{
+    static const struct sv_cells_memory none = {.fd = -1};
+    (void)backend;
+    return &none;
+}
+
+void sv_backend_use_slot(struct sv_backend *backend, int slot)
+{
+    (void)backend;
+    (void)slot;
+}
+
+enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view_request *request, uint32_t most,
+                                uint32_t *built, uint32_t *left, struct sv_error *error)
+{
+    struct sv_resolved_view view;
+    bool has_ground;
+    double ground_z;
+    (void)most;
+    *built = *left = 0;
+    return sv_backend_resolve(backend, request, &view, &has_ground, &ground_z, error);
 }
 
 int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view)
@@ -124,7 +174,7 @@ enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_vi
         return sv_fail(error, SV_EUNDERGROUND, "eye", "the eye is at %g m, the ground at 0 m", z);
     }
     memset(view, 0, sizeof *view);
-    view->camera.eye = (struct sv_vec3){eye->x, eye->y, z};
+    view->camera.eye = view->cell = (struct sv_vec3){eye->x, eye->y, z};
     view->camera.right = (struct sv_vec3){1, 0, 0};
     view->camera.up = (struct sv_vec3){0, 0, 1};
     view->camera.forward = (struct sv_vec3){0, 1, 0};

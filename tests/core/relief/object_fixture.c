@@ -76,7 +76,8 @@ void object_add(struct sv_scene *scene, const struct sv_tree_mesh *const *meshes
     }
     for (int k = 0; k < count; k++) {
         const struct object_place *p = &places[k];
-        objects[k] = (struct sv_scene_object){.model = p->model,
+        objects[k] = (struct sv_scene_object){.number = (uint32_t)k,
+                                            .model = p->model,
                                               .x = p->x,
                                               .y = p->y,
                                               .z = kit_surface(&scene->terrain.field, p->x, p->y),

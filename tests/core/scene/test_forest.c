@@ -167,6 +167,51 @@ static void test_local(void **state)
         fail_msg("mean leaf side %.1f m", mean);
 }
 
+/* A forest of which trees go and to which others come is the one that is built of what is there then, byte
+ * for byte: nothing gone, all gone, nothing come, and both, in sizes about those of leaves; at a million
+ * (SV_TEST_FULL=1) too. */
+static void test_turn_over(void **state)
+{
+    (void)state;
+    static const uint32_t sizes[][3] = {{0, 5, 9},  {40, 0, 0},   {40, 40, 0},    {33, 2, 1},
+                                        {1, 1, 64}, {64, 20, 21}, {3000, 7, 400}, {1000000, 300, 200}};
+    size_t rows = sizeof sizes / sizeof sizes[0] - !getenv("SV_TEST_FULL");
+    for (size_t row = 0; row < rows; row++) {
+        uint32_t count = sizes[row][0], gone = sizes[row][1] < count ? sizes[row][1] : count,
+                 come = sizes[row][2];
+        uint32_t now = count - gone + come;
+        struct sv_tree *all = random_trees(count + come, 500000, 9100000, 900, 50 + row);
+        struct sv_tree *old_trees = sv_arena_copy(arena, all, (count + 1) * sizeof *all);
+        struct sv_tree *come_trees = sv_arena_copy(arena, all + count, (come + 1) * sizeof *all);
+        struct sv_tree *want_trees = sv_arena_copy(arena, all + gone, (now + 1) * sizeof *all);
+        uint8_t *is_gone = calloc(count + 1, 1);
+        uint32_t *from = malloc((now + 1) * sizeof *from);
+        struct sv_forest old, want, got;
+        struct sv_error e;
+        assert_int_equal(sv_forest_build(old_trees, count, BOUNDS, arena, &old, &e), SV_OK);
+        assert_int_equal(sv_forest_build(want_trees, now, BOUNDS, arena, &want, &e), SV_OK);
+        for (uint32_t k = 0; k < count; k++)
+            is_gone[k] = old.trees[k].number < gone;
+        const struct sv_forest_turnover t = {&old, is_gone, come_trees, come};
+        assert_int_equal(sv_forest_turn_over(&t, BOUNDS, arena, &got, from, &e), SV_OK);
+        assert_int_equal(got.count, now);
+        assert_int_equal(got.node_count, want.node_count);
+        assert_memory_equal(&got.origin, &want.origin, sizeof got.origin);
+        if (now) {
+            assert_memory_equal(got.trees, want.trees, now * sizeof *got.trees);
+            assert_memory_equal(got.nodes, want.nodes, got.node_count * sizeof *got.nodes);
+        }
+        for (uint32_t k = 0; k < now; k++)
+            if (from[k] == SV_FOREST_CAME)
+                assert_true(got.trees[k].number >= count);
+            else
+                assert_int_equal(old.trees[from[k]].number, got.trees[k].number);
+        assert_true(sv_forest_bytes(now) >= now * sizeof *got.trees + got.node_count * sizeof *got.nodes);
+        free(is_gone);
+        free(from);
+    }
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -182,8 +227,8 @@ static int tear_down(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_random), cmocka_unit_test(test_none),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_random),     cmocka_unit_test(test_none),
                                        cmocka_unit_test(test_degenerate), cmocka_unit_test(test_refused),
-                                       cmocka_unit_test(test_local)};
+                                       cmocka_unit_test(test_local),      cmocka_unit_test(test_turn_over)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "core/base/frames.h"
+#include "core/base/rng.h"
 #include "core/scene/id.h"
 #include "shade_fixture.h"
 
@@ -282,6 +283,56 @@ static void species_of_one_mesh_share_silhouettes(void **state)
     shade_forest_finish(&b);
 }
 
+/* Trees go and come in a wood that is much wider than what a tree shades: the light that is carried over and
+ * found again near the change is that of a shade that was made of the new wood alone, byte for byte. */
+static void a_change_gives_what_starting_anew_gives(void **state)
+{
+    (void)state;
+    enum { COUNT = 4000, COME = 4, EVERY = 1000 };
+    static struct sv_tree trees[COUNT + COME], now[COUNT + COME];
+    static uint8_t gone[COUNT];
+    static uint32_t from[COUNT + COME];
+    struct sv_tree went[COUNT / EVERY + 1], come[COME];
+    struct sv_rng rng = sv_rng_seeded(21, 0);
+    struct shade_forest old, anew;
+    struct sv_crown_bound bounds[SHADE_SPECIES];
+    struct sv_error error;
+    for (uint32_t k = 0; k < COUNT + COME; k++)
+        trees[k] = shade_tree_at(sv_rng_range(&rng, -400, 400), sv_rng_range(&rng, -400, 400),
+                                 sv_rng_range(&rng, 5, 20), (int)(k % SHADE_SPECIES), k);
+    for (int k = 0; k < SHADE_SPECIES; k++)
+        bounds[k] = (struct sv_crown_bound){shade_table[k].radius, 1, 0};
+    for (int elevation = 8; elevation <= 88; elevation += 40) {
+        struct sv_vec3 to_sun = shade_sun_at(SHADE_AZIMUTH_DEG, elevation);
+        uint32_t went_count = 0, now_count = 0;
+        shade_forest_init(&old, trees, COUNT, shade_table, SHADE_SPECIES);
+        shade_forest_update(&old, to_sun);
+        for (uint32_t k = 0; k < COUNT + COME; k++)
+            if (k < COUNT && k % EVERY == 7)
+                went[went_count++] = trees[k];
+            else
+                now[now_count++] = trees[k];
+        for (uint32_t k = 0; k < COUNT; k++)
+            gone[k] = old.forest.trees[k].number % EVERY == 7;
+        memcpy(come, trees + COUNT, sizeof come);
+        struct sv_forest next, before = old.forest;
+        const struct sv_forest_turnover turnover = {&before, gone, come, COME};
+        shade_ok(sv_forest_turn_over(&turnover, bounds, old.arena, &next, from, &error), &error);
+        old.forest = next;
+        const struct sv_tree_shade_change change = {
+            .species = shade_table, .gone = went, .gone_count = went_count, .from = from, .to_sun = to_sun};
+        shade_ok(sv_tree_shade_change(old.shade, &change, &error), &error);
+        shade_forest_init(&anew, now, now_count, shade_table, SHADE_SPECIES);
+        shade_forest_update(&anew, to_sun);
+        assert_int_equal(old.forest.count, now_count);
+        assert_memory_equal(old.forest.trees, anew.forest.trees, now_count * sizeof *now);
+        assert_memory_equal(sv_tree_shade_lights(old.shade).of_tree, sv_tree_shade_lights(anew.shade).of_tree,
+                            now_count * sizeof(struct sv_tree_light));
+        shade_forest_finish(&old);
+        shade_forest_finish(&anew);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -291,6 +342,7 @@ int main(void)
         cmocka_unit_test(the_terrain_shades_from_below),
         cmocka_unit_test(updates_do_not_depend_on_what_came_before),
         cmocka_unit_test(species_of_one_mesh_share_silhouettes),
+        cmocka_unit_test(a_change_gives_what_starting_anew_gives),
     };
     return cmocka_run_group_tests(tests, shade_setup, shade_teardown);
 }

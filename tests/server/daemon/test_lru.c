@@ -132,7 +132,7 @@ static void a_picture_lives_as_long_as_somebody_sends_it(void **state)
     assert_int_equal(sv_slab_write(sv_slab_fd(slab), 1, "picture", 8, NULL), SV_OK);
     assert_int_equal(sv_slab_read(slab, 1, &bytes, &size, NULL), SV_OK);
     struct sv_picture_bytes *drawn = sv_picture_of_slab(slab, bytes, size);
-    sv_pictures_keep(pictures, "tag", drawn->bytes, drawn->size);
+    sv_pictures_keep(pictures, "tag", drawn);
     struct sv_picture_bytes *other = sv_picture_ref(drawn);
     sv_picture_unref(drawn);
     assert_true(sv_slab_pool_lent_bytes(pool) > 0);
@@ -143,7 +143,9 @@ static void a_picture_lives_as_long_as_somebody_sends_it(void **state)
     assert_string_equal(kept->bytes, "picture");
     sv_picture_unref(kept);
     pictures = sv_pictures_create(8192);
-    sv_pictures_keep(pictures, "large", large, sizeof large); /* over a quarter of the budget */
+    struct sv_picture_bytes *whole = sv_picture_copy(large, sizeof large);
+    sv_pictures_keep(pictures, "large", whole); /* over a quarter of the budget */
+    sv_picture_unref(whole);
     assert_null(sv_pictures_find(pictures, "large"));
     sv_pictures_destroy(pictures);
     sv_slab_pool_destroy(pool);

@@ -1,0 +1,154 @@
+/* cells_refine.c - see cells_refine.h. */
+#include "core/view/cells_refine.h"
+
+#include <stdlib.h>
+
+#include "core/view/panels_refine.h"
+
+struct sv_cells_refiner {
+    const struct sv_scene *scene;
+    const struct sv_truth *truth;
+    struct sv_cells *cells;
+    struct sv_cells_options options;
+    /* What is begun; refinement NULL: nothing. */
+    struct sv_panels_refinement *refinement;
+    uint64_t key, version; /* of the panel; of the scene then */
+    size_t bytes;
+    double spent_ms;
+    struct sv_cell_cache_panel pin;
+};
+
+enum sv_status sv_cells_refiner_create(const struct sv_scene *scene, const struct sv_truth *truth,
+                                       struct sv_cells *cells, const struct sv_cells_options *options,
+                                       struct sv_cells_refiner **refiner, struct sv_error *error)
+{
+    struct sv_cells_refiner *r = calloc(1, sizeof *r);
+    if (!r)
+        return sv_fail(error, SV_ENOMEM, NULL, "no memory to refine panels");
+    *r = (struct sv_cells_refiner){.scene = scene, .truth = truth, .cells = cells, .options = *options};
+    *refiner = r;
+    return SV_OK;
+}
+
+static void end(struct sv_cells_refiner *r)
+{
+    sv_panels_refine_destroy(r->refinement);
+    sv_cell_cache_unpin(r->options.cache, r->options.slot, &r->pin);
+    r->refinement = NULL;
+}
+
+void sv_cells_refiner_drop(struct sv_cells_refiner *refiner)
+{
+    if (refiner->refinement)
+        end(refiner);
+}
+
+void sv_cells_refiner_destroy(struct sv_cells_refiner *refiner)
+{
+    if (!refiner)
+        return;
+    sv_cells_refiner_drop(refiner);
+    free(refiner);
+}
+
+static double now(const struct sv_cells_refiner *r)
+{
+    return r->options.clock_ms ? r->options.clock_ms() : 0;
+}
+
+/* Whether the panel is there and could be better; its size as it is built. */
+static bool is_built(const struct sv_cells_refiner *r, const struct sv_cells_panel *panel, int *size)
+{
+    struct sv_cell_cache_panel pin;
+    struct sv_panel built;
+    struct sv_error ignored;
+    if (sv_cell_cache_find(r->options.cache, r->options.slot, panel->label.key, r->scene->generation, now(r) * 1e-3,
+                           &pin) != SV_CELL_CACHE_HIT)
+        return false;
+    bool well = !pin.refined && sv_panel_open(pin.data, pin.bytes, &built, &ignored) == SV_OK;
+    if (well)
+        *size = built.about.size;
+    sv_cell_cache_unpin(r->options.cache, r->options.slot, &pin);
+    /* One of less than full size shows nothing. */
+    return well && *size == panel->order.about.size;
+}
+
+/* Begins with the panel, if the cache has room for it. */
+static enum sv_status begin(struct sv_cells_refiner *r, const struct sv_cells_panel *panel, int size,
+                            const struct sv_cells_refine_options *options, struct sv_error *error)
+{
+    struct sv_panels_order order = panel->order;
+    double since = now(r);
+    int larger = size * options->scale;
+    order.about.size = larger <= SV_PANEL_SIZE_MAX ? larger : size;
+    r->bytes = sv_panel_bytes(order.about.size, order.about.layers);
+    if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, r->bytes, true, r->scene->generation,
+                              since * 1e-3, &r->pin) != SV_CELL_CACHE_GRANTED)
+        return SV_OK;
+    enum sv_status status = sv_panels_refine_begin(r->scene, r->truth, &order, options->samples, r->pin.data,
+                                                   r->pin.bytes, &r->refinement, error);
+    if (status)
+        sv_cell_cache_unpin(r->options.cache, r->options.slot, &r->pin);
+    r->key = panel->label.key;
+    r->version = r->scene->version;
+    r->spent_ms = now(r) - since;
+    return status;
+}
+
+/* Goes on with what is begun; false: stopped. */
+static bool go_on(struct sv_cells_refiner *r, const struct sv_cells_refine_options *options)
+{
+    double since = now(r);
+    bool more;
+    while ((more = sv_panels_refine_row(r->refinement)))
+        if (options->stop && options->stop(options->context))
+            break;
+    r->spent_ms += now(r) - since;
+    if (more)
+        return false;
+    sv_cell_cache_commit(r->options.cache, r->options.slot, &r->pin, r->bytes, r->spent_ms * 1e-3,
+                         now(r) * 1e-3);
+    end(r);
+    return true;
+}
+
+static bool has_key(const struct sv_cells_panel *panels, int count, uint64_t key)
+{
+    for (int k = 0; k < count; k++)
+        if (panels[k].label.key == key)
+            return true;
+    return false;
+}
+
+enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner, const struct sv_resolved_view *view,
+                               const struct sv_cells_refine_options *options,
+                               struct sv_cells_refine_report *report, struct sv_error *error)
+{
+    struct sv_cells_refiner *r = refiner;
+    struct sv_cells_panel panels[SV_CELLS_PANELS_MAX];
+    int count, size;
+    bool going = true;
+    enum sv_status status = sv_cells_wanted(r->cells, view, panels, &count, error);
+    if (status)
+        return status;
+    *report = (struct sv_cells_refine_report){0};
+    if (r->refinement && (r->version != r->scene->version || !has_key(panels, count, r->key)))
+        end(r);
+    if (r->refinement) {
+        going = go_on(r, options);
+        report->refined += going;
+    }
+    for (int k = 0; k < count && !status; k++) {
+        if (!is_built(r, &panels[k], &size))
+            continue;
+        going = going && !(options->stop && options->stop(options->context));
+        if (going)
+            status = begin(r, &panels[k], size, options, error);
+        if (going && !status && r->refinement) {
+            going = go_on(r, options);
+            report->refined += going;
+        }
+        report->left += !going;
+    }
+    return status;
+}

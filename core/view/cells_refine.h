@@ -1,0 +1,45 @@
+/* cells_refine.h - panels in demand, drawn again from the ray-cast truth and put in place of the built ones
+ * (panels_refine.h), a row at a time: for workers that have nothing else to do.
+ *
+ * A panel takes longer than a worker is idle for, so what is begun is kept from call to call, reserved in the
+ * cache, until it is whole, or the scene changes, or another view is refined that does not use it. Views find
+ * the built one all the while. One thread, that of the cells. */
+#ifndef SV_VIEW_CELLS_REFINE_H
+#define SV_VIEW_CELLS_REFINE_H
+
+#include "core/truth/truth.h"
+#include "core/view/cells.h"
+
+struct sv_cells_refiner;
+
+/* options: as cells was made with; its slot as it is now. Borrows all else for life. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_cells_refiner_create(const struct sv_scene *scene,
+                                                     const struct sv_truth *truth, struct sv_cells *cells,
+                                                     const struct sv_cells_options *options,
+                                                     struct sv_cells_refiner **refiner,
+                                                     struct sv_error *error);
+void sv_cells_refiner_destroy(
+    struct sv_cells_refiner *refiner); /* NULL is legal; gives back what it reserved */
+/* Lets go of the panel that is begun: before the scene or the truth changes. */
+void sv_cells_refiner_drop(struct sv_cells_refiner *refiner);
+
+struct sv_cells_refine_options {
+    int samples;                 /* a texel: 1, 4, 16, 64 */
+    int scale;                   /* texels of a refined panel to one of a built one, along a side, >= 1 */
+    bool (*stop)(void *context); /* polled before each panel and after each row; NULL: never */
+    void *context;
+};
+struct sv_cells_refine_report {
+    uint32_t refined; /* panels that are whole now */
+    uint32_t left;    /* that stopping left */
+};
+
+/* Refines the panels of the view that are built and not refined yet, nearest ring first, until all are or
+ * `stop` is true. Panels that are missing, that show nothing, or for which the cache has no room now are
+ * passed over. */
+SV_MUST_CHECK enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner,
+                                             const struct sv_resolved_view *view,
+                                             const struct sv_cells_refine_options *options,
+                                             struct sv_cells_refine_report *report, struct sv_error *error);
+
+#endif

@@ -1,0 +1,28 @@
+/* panels_refine.h - the panels of cells drawn again from the ray-cast truth (core/truth/texels.h), at many
+ * samples a texel: what an idle worker does for panels in demand. The same panel as sv_panels_draw makes, of
+ * polygons in place of sprites and splats.
+ *
+ * Row by row: a panel of 1024 x 1024 texels takes minutes, and who draws it must be free for a view at any
+ * time. One thread. */
+#ifndef SV_VIEW_PANELS_REFINE_H
+#define SV_VIEW_PANELS_REFINE_H
+
+#include "core/truth/truth.h"
+#include "core/view/panels.h"
+
+struct sv_panels_refinement;
+
+/* Begins to draw the panel into a block of sv_panel_bytes(...) bytes, which nobody reads before it is
+ * finished. samples: 1, 4, 16 or 64. Borrows scene, truth and block until it is destroyed; the order's view
+ * is copied. When the scene changes, it is only to be destroyed. Errors of sv_panel_init and
+ * sv_truth_part_create. */
+SV_MUST_CHECK enum sv_status
+sv_panels_refine_begin(const struct sv_scene *scene, const struct sv_truth *truth,
+                       const struct sv_panels_order *order, int samples, void *block, size_t bytes,
+                       struct sv_panels_refinement **refinement, struct sv_error *error);
+/* Draws the next row; false when none is left, and the block is whole. */
+bool sv_panels_refine_row(struct sv_panels_refinement *refinement);
+/* NULL is legal. */
+void sv_panels_refine_destroy(struct sv_panels_refinement *refinement);
+
+#endif

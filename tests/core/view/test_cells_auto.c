@@ -1,0 +1,163 @@
+/* test_cells_auto.c - relief=auto: a jump is drawn directly and builds nothing, an eye that stays near has
+ * its cells built at the third picture, panels that are there are used at once, and what does not pay is
+ * never built. The clock stands still while a picture is drawn, so that nothing here depends on how fast the
+ * machine is: costs are what the test says they are. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "core/base/rng.h"
+#include "tests/core/view/cells_kit.h"
+
+enum { SIDE = 64 };
+#define BYTES ((size_t)256 << 20)
+
+static struct sv_scene *scene;
+static struct sv_renderer *renderer;
+static struct sv_cell_cache *cache;
+static _Alignas(4096) uint8_t memory[BYTES];
+static double time_ms;
+static struct sv_store *store;
+static char folder[] = "/tmp/silvista-auto-XXXXXX";
+
+static double clock_ms(void)
+{
+    return time_ms;
+}
+
+static int make_scene(void **state)
+{
+    (void)state;
+    struct kit_options wood = cells_kit_wood(40);
+    wood.leaves = 500;
+    wood.species = 1;
+    scene = kit_scene(&wood);
+    scene->relief_distance_m = 50;
+    scene->relief_resolution = 64;
+    return mkdtemp(folder) && sv_store_open(folder, (uint64_t)1 << 30, &store, NULL) == SV_OK ? 0 : -1;
+}
+
+static int free_scene(void **state)
+{
+    (void)state;
+    char command[64];
+    sv_store_close(store);
+    kit_free(scene);
+    snprintf(command, sizeof command, "rm -r %s", folder);
+    return system(command);
+}
+
+/* A cache of its own for each test; building is believed to cost 2.5 times what a picture saves. */
+static int setup(void **state)
+{
+    (void)state;
+    struct sv_error error = {0};
+    struct sv_cell_cache_options options = SV_CELL_CACHE_OPTIONS_DEFAULT;
+    options.admit.build_s = 0.05;
+    options.admit.saving_s = 0.02;
+    memset(memory, 0, BYTES / 64);
+    if (sv_cell_cache_make(memory, BYTES, &options, &cache, &error))
+        fail_msg("%s", error.message);
+    struct sv_renderer_options render = {.store = store, .clock = clock_ms, .cells = cache};
+    if (sv_renderer_create(scene, &render, &renderer, &error))
+        fail_msg("%s", error.message);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    sv_renderer_destroy(renderer);
+    return 0;
+}
+
+/* One picture, a thirtieth of a second after the last. */
+static struct sv_cell_use draw(double x, double y, double agl, double heading_rad, enum sv_relief_mode relief)
+{
+    struct sv_error error = {0};
+    struct sv_resolved_view view;
+    struct sv_picture picture;
+    struct sv_draw_stats stats = {0};
+    struct sv_view_request r = kit_request();
+    r.eye = (struct sv_place){.form = SV_PLACE_XY, .x = x, .y = y, .agl = agl};
+    r.heading_rad = heading_rad;
+    r.width = r.height = SIDE;
+    r.relief = relief;
+    time_ms += 1000.0 / 30;
+    enum sv_status status = sv_view_resolve(scene, &r, &view, NULL, &error);
+    if (!status)
+        status = sv_renderer_draw(renderer, &r, &view, &picture, NULL, &stats, &error);
+    if (status)
+        fail_msg("%s: %s", error.field, error.message);
+    sv_picture_finish(&picture);
+    return stats.cell;
+}
+
+static const double centre_x = 497512.25 + 256, centre_y = 5203410.5 + 375;
+
+static void a_jump_builds_nothing(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(1, 3);
+    struct sv_cell_cache_stats stats;
+    for (int k = 0; k < 60; k++) {
+        double x = centre_x + sv_rng_range(&rng, -200, 200), y = centre_y + sv_rng_range(&rng, -200, 200);
+        struct sv_cell_use use =
+            draw(x, y, sv_rng_range(&rng, 2, 60), sv_rng_range(&rng, 0, 6.28), SV_RELIEF_AUTO);
+        assert_int_equal(use.kind, SV_CELL_USE_BYPASS);
+    }
+    sv_cell_cache_stats(cache, &stats);
+    assert_int_equal(stats.builds, 0);
+}
+
+static void an_eye_that_stays_near_is_served(void **state)
+{
+    (void)state;
+    static const enum sv_cell_use_kind expected[] = {SV_CELL_USE_BYPASS, SV_CELL_USE_BYPASS,
+                                                     SV_CELL_USE_BUILT, SV_CELL_USE_HIT, SV_CELL_USE_HIT};
+    for (int k = 0; k < 5; k++) /* 4 mm a step: within one cell from any eye that is not at its very border */
+        assert_int_equal(draw(centre_x, centre_y + 0.004 * k, 12, 0, SV_RELIEF_AUTO).kind, expected[k]);
+}
+
+static void panels_that_are_there_are_used_at_once(void **state)
+{
+    (void)state;
+    assert_int_equal(draw(centre_x, centre_y, 12, 0, SV_RELIEF_ON).kind, SV_CELL_USE_BUILT);
+    assert_int_equal(draw(centre_x, centre_y, 12, 0, SV_RELIEF_AUTO).kind, SV_CELL_USE_HIT);
+    assert_int_equal(draw(centre_x, centre_y, 12, 0, SV_RELIEF_OFF).kind, SV_CELL_USE_NONE);
+}
+
+static void what_saves_nothing_is_not_built(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 40; k++)
+        sv_cell_cache_measured(cache, 12, 0.05, -0.01); /* 64 x 64 = 2^12 pixels */
+    for (int k = 0; k < 40; k++)
+        assert_int_equal(draw(centre_x, centre_y, 12, 0, SV_RELIEF_AUTO).kind, SV_CELL_USE_BYPASS);
+}
+
+static void a_long_pause_is_a_new_start(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 6; k++) {
+        assert_int_equal(draw(centre_x, centre_y, 12, 0, SV_RELIEF_AUTO).kind, SV_CELL_USE_BYPASS);
+        time_ms += 11000;
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_jump_builds_nothing, setup, teardown),
+        cmocka_unit_test_setup_teardown(an_eye_that_stays_near_is_served, setup, teardown),
+        cmocka_unit_test_setup_teardown(panels_that_are_there_are_used_at_once, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_saves_nothing_is_not_built, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_long_pause_is_a_new_start, setup, teardown)};
+    return cmocka_run_group_tests(tests, make_scene, free_scene);
+}

@@ -1,0 +1,169 @@
+/* test_cells_refine.c - panels of a view refined in their cache: what is stopped goes on, a view finds the
+ * built ones meanwhile and the refined ones after, and a changed scene lets go of what is begun. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "core/cell/cache.h"
+#include "core/view/cells_refine.h"
+#include "tests/core/view/scene_kit.h"
+
+static const size_t CACHE_BYTES = (size_t)64 << 20;
+
+struct stage {
+    struct sv_scene *scene;
+    struct sv_cell_cache *cache;
+    struct sv_renderer *renderer;
+    struct sv_view_request request;
+    struct sv_resolved_view view;
+    struct sv_draw_stats stats;
+};
+
+static int open_stage(void **state)
+{
+    static struct stage s;
+    struct kit_options options = {.width = 65,
+                                  .height = 65,
+                                  .x0 = -160,
+                                  .y0 = -160,
+                                  .z0 = 100,
+                                  .dx = 5,
+                                  .dy = 5,
+                                  .relief_m = 6,
+                                  .seed = 3,
+                                  .species = 1,
+                                  .leaves = 400,
+                                  .trees = 120,
+                                  .spread_m = 120,
+                                  .height_min_m = 5,
+                                  .height_max_m = 9};
+    struct sv_error error = {0};
+    void *memory = aligned_alloc(4096, CACHE_BYTES);
+    s = (struct stage){.scene = kit_scene(&options)};
+    if (sv_cell_cache_make(memory, CACHE_BYTES, &SV_CELL_CACHE_OPTIONS_DEFAULT, &s.cache, &error) ||
+        sv_renderer_create(s.scene, &(struct sv_renderer_options){.cells = s.cache}, &s.renderer, &error))
+        fail_msg("%s", error.message);
+    s.request = kit_request();
+    s.request.width = s.request.height = 64;
+    s.request.eye.agl = 30;
+    s.request.pitch_rad = -0.5;
+    s.request.relief = SV_RELIEF_ON;
+    s.request.relief_resolution = 64;
+    s.request.relief_distance_m = 25;
+    s.request.shadows = true;
+    *state = &s;
+    return 0;
+}
+
+static int close_stage(void **state)
+{
+    struct stage *s = *state;
+    sv_renderer_destroy(s->renderer);
+    free(s->cache);
+    kit_free(s->scene);
+    return 0;
+}
+
+static struct sv_image draw(struct stage *s)
+{
+    struct sv_error error = {0};
+    struct sv_picture picture;
+    if (sv_view_resolve(s->scene, &s->request, &s->view, NULL, &error) ||
+        sv_renderer_draw(s->renderer, &s->request, &s->view, &picture, NULL, &s->stats, &error))
+        fail_msg("%s: %s", error.field, error.message);
+    return picture.layer[SV_LAYER_COLOR];
+}
+
+/* The first time is before a panel is begun, the others are after each row. */
+static bool after_rows(void *context)
+{
+    return --*(int *)context <= 0;
+}
+
+static struct sv_cells_refine_report refine(struct stage *s, int rows)
+{
+    struct sv_error error = {0};
+    struct sv_cells_refine_report report;
+    struct sv_cells_refine_options options = {.samples = 4, .scale = 1, .stop = after_rows, .context = &rows};
+    if (sv_renderer_refine_cells(s->renderer, &s->request, &s->view, &options, &report, &error))
+        fail_msg("%s: %s", error.field, error.message);
+    return report;
+}
+
+static void test_goes_on(void **state)
+{
+    struct stage *s = *state;
+    struct sv_cell_cache_stats stats;
+    struct sv_image built = draw(s), again, refined;
+    assert_true(s->stats.cell.built > 0);
+    uint32_t panels = s->stats.cell.built, whole = 0;
+    struct sv_cells_refine_report report = refine(s, 10);
+    assert_int_equal(report.refined, 0);
+    assert_true(report.left > 1 && report.left <= panels);
+    uint32_t first_left = report.left;
+    sv_cell_cache_stats(s->cache, &stats);
+    assert_int_equal(stats.building, 1);
+    again = draw(s); /* from what is built, while a panel is begun */
+    assert_int_equal(s->stats.cell.hits, panels);
+    assert_int_equal(s->stats.cell.refined, 0);
+    assert_memory_equal(built.data, again.data, sv_image_bytes(&built));
+    /* 64 rows a panel, nine of them were drawn: 54 more do not make it whole, 55 do. */
+    report = refine(s, 54);
+    assert_int_equal(report.refined, 0);
+    report = refine(s, 1);
+    assert_int_equal(report.refined, 1);
+    assert_int_equal(report.left, first_left - 1);
+    for (int calls = 0; report.left > 0 && calls < 1000; calls++) {
+        whole += report.refined;
+        report = refine(s, 40);
+    }
+    whole += report.refined;
+    assert_int_equal(whole, first_left);
+    refined = draw(s);
+    assert_int_equal(s->stats.cell.refined, whole);
+    assert_true(memcmp(built.data, refined.data, sv_image_bytes(&built)) != 0);
+    report = refine(s, 1000);
+    assert_int_equal(report.refined + report.left, 0);
+    sv_cell_cache_stats(s->cache, &stats);
+    assert_int_equal(stats.building, 0);
+    assert_int_equal(stats.pinned_bytes, 0);
+    kit_keep(&built, "cells-built");
+    kit_keep(&refined, "cells-refined");
+    sv_image_free(&built);
+    sv_image_free(&again);
+    sv_image_free(&refined);
+}
+
+/* Another scene, or a view that does not use the panel: what is begun goes, and nothing stays reserved. */
+static void test_lets_go(void **state)
+{
+    struct stage *s = *state;
+    struct sv_cell_cache_stats stats;
+    sv_cell_cache_clear(s->cache);
+    struct sv_image picture = draw(s);
+    sv_image_free(&picture);
+    assert_true(refine(s, 10).left > 0);
+    s->scene->version++;
+    assert_int_equal(refine(s, 1000).refined, 0); /* nothing is built of this version */
+    sv_cell_cache_stats(s->cache, &stats);
+    assert_int_equal(stats.building, 0);
+    assert_int_equal(stats.pinned_bytes, 0);
+    s->scene->version--;
+    assert_true(refine(s, 10).left > 0);
+    sv_renderer_destroy(s->renderer);
+    s->renderer = NULL;
+    sv_cell_cache_stats(s->cache, &stats);
+    assert_int_equal(stats.building, 0);
+    assert_int_equal(stats.pinned_bytes, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_goes_on), cmocka_unit_test(test_lets_go)};
+    return cmocka_run_group_tests(tests, open_stage, close_stage);
+}

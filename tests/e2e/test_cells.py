@@ -1,0 +1,248 @@
+"""Relief cells through the service: built, shared by workers, listed, dropped, built ahead, and what a death leaves."""
+import json
+import os
+import re
+import shutil
+import signal
+import struct
+import tempfile
+import unittest
+import zlib
+
+from harness import TOKEN, Case, until
+
+ADMIN = {"Authorization": "Bearer " + TOKEN, "Content-Type": "application/json"}
+SCENE = {
+    "name": "cells",
+    "terrain": {"procedural": {"size_m": 400, "samples": 129, "relief_m": 10, "seed": 4}},
+    "species": [{"name": "spruce", "procedural": {"habit": "conifer", "leaves": 400, "seed": 1}}],
+    "forest": [
+        {"scatter": {"count": 300, "seed": 1, "mix": {"spruce": 1}, "height_m": [6, 12], "min_spacing_m": 3}}
+    ],
+    "sun": {"azimuth_deg": 135, "elevation_deg": 40},
+    "relief": {"distance_m": 50, "resolution": 256},
+}
+
+
+def target(x=200, relief="on", size=128, **more):
+    keys = dict(x=x, y=150, agl=16, pitch=-12, width=size, height=size, format="png", relief=relief)
+    keys.update(more)
+    return "/v1/view?" + "&".join("%s=%s" % (k, v) for k, v in keys.items() if v is not None)
+
+
+def cell(answer):
+    """Silvista-Cell as (kind, id, panels); the latter two None where there are none."""
+    match = re.fullmatch(r"(\w+)(?:; id=([0-9a-f]{16}); panels=(\w+))?", answer.headers["Silvista-Cell"])
+    assert match, answer.headers["Silvista-Cell"]
+    return match.groups()
+
+
+def pixels(png):
+    """Rows of bytes of an 8-bit PNG, by its definition."""
+    at, data = 8, b""
+    while at < len(png):
+        size, kind = struct.unpack(">I4s", png[at : at + 8])
+        body = png[at + 8 : at + 8 + size]
+        if kind == b"IHDR":
+            width, height, depth, color = struct.unpack(">IIBB", body[:10])
+            assert depth == 8
+            step = {2: 3, 6: 4}[color]
+        elif kind == b"IDAT":
+            data += body
+        at += 12 + size
+    raw, rows, last = zlib.decompress(data), [], bytearray(width * step)
+    for y in range(height):
+        line = bytearray(raw[y * (width * step + 1) + 1 : (y + 1) * (width * step + 1)])
+        kind = raw[y * (width * step + 1)]
+        for i in range(len(line)):
+            a = line[i - step] if i >= step else 0
+            b, c = last[i], last[i - step] if i >= step else 0
+            p = a + b - c
+            paeth = min((a, b, c), key=lambda v: (abs(p - v), (a, b, c).index(v)))
+            line[i] = (line[i] + (0, a, b, (a + b) // 2, paeth)[kind]) & 255
+        rows.append(bytes(line))
+        last = line
+    return rows
+
+
+def mean_difference(a, b):
+    flat = [(p, q) for r, s in zip(pixels(a), pixels(b)) for p, q in zip(r, s)]
+    return sum(abs(p - q) for p, q in flat) / len(flat)
+
+
+class Cells(Case):
+    # No pictures are remembered: what panels do is what is looked at.
+    settings = {"scene": SCENE, "picture_cache_mb": 0}
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="silvista-e2e-cells-")
+        cls.settings = dict(cls.settings, cache_dir=cls.folder)  # the species is grown once
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder, ignore_errors=True)
+
+    def listed(self, d):
+        answer = d.get("/v1/cells")
+        self.assertEqual(answer.status, 200)
+        return json.loads(answer.body)
+
+    def test_built_hit_dropped_built(self):
+        d = self.start()
+        first = d.get(target())
+        self.assertEqual(first.status, 200)
+        kind, name, panels = cell(first)
+        self.assertEqual((kind, panels), ("built", "drawn"))
+        self.assertIn("relief=on", first.headers["Silvista-Plan"])
+        self.assertIn("cell;dur=", first.headers["Server-Timing"])
+        second = d.get(target())
+        self.assertEqual(cell(second), ("hit", name, "drawn"))
+        self.assertEqual(second.body, first.body)
+        self.assertEqual(second.headers["ETag"], first.headers["ETag"])
+        self.assertTrue(first.headers["ETag"].startswith("W/"))
+        self.assertNotIn("cell;dur=", second.headers["Server-Timing"])
+        self.assertIn("warp;dur=", second.headers["Server-Timing"])
+        listed = self.listed(d)
+        self.assertIn(name, [c["id"] for c in listed["cells"]])
+        self.assertEqual(sum(len(c["panels"]) for c in listed["cells"]), listed["panels"])
+        self.assertEqual(d.metric("cells_builds_total"), listed["panels"])
+        self.assertEqual(d.metric("cells_bytes"), listed["used_bytes"])
+        self.assertGreaterEqual(d.metric("cells_hits_total"), listed["panels"])
+        for c in listed["cells"]:
+            self.assertEqual(c["resolution"], 256)
+            self.assertGreater(c["region"]["half_axis_m"], 0)
+        self.assertEqual(d.request("DELETE", "/v1/cells").status, 401)
+        self.assertEqual(self.listed(d)["panels"], listed["panels"])
+        self.assertEqual(d.request("DELETE", "/v1/cells", headers=ADMIN).status, 204)
+        self.assertEqual(self.listed(d)["cells"], [])
+        third = d.get(target())
+        self.assertEqual(cell(third), ("built", name, "drawn"))
+        self.assertEqual(third.body, first.body)
+
+    def test_panels_show_what_direct_drawing_shows(self):
+        d = self.start()
+        direct, cells = d.get(target(relief="off")), d.get(target())
+        self.assertEqual(cell(direct), ("none", None, None))
+        self.assertIn("relief=off", direct.headers["Silvista-Plan"])
+        bare = d.get(target(relief="off", trees="none"))
+        # Panels of 256 texels are 1.7 times as coarse as the picture; what trees are in it changes far more.
+        off = mean_difference(direct.body, cells.body)
+        self.assertLess(off, 6)
+        self.assertLess(2 * off, mean_difference(direct.body, bare.body))
+        self.assertNotEqual(cell(d.get(target(relief_resolution=300)))[1], cell(cells)[1])
+        self.assertNotEqual(cell(d.get(target(relief_distance=70)))[1], cell(cells)[1])
+
+    def test_auto_takes_what_is_there(self):
+        d = self.start()
+        self.assertEqual(cell(d.get(target(relief="auto")))[0], "bypass")
+        name = cell(d.get(target()))[1]
+        self.assertEqual(cell(d.get(target(relief=None))), ("hit", name, "drawn"))
+        self.assertEqual(cell(d.get(target(relief="off")))[0], "none")
+        self.assertEqual(cell(d.get(target(relief="auto", samples=4)))[0], "none")
+        refused = d.get(target(samples=4))
+        self.assertEqual(refused.status, 400)
+        self.assertEqual([e["field"] for e in refused.problem()["errors"]], ["relief"])
+
+    def test_pictures_from_memory_tell_their_cell(self):
+        d = self.start(picture_cache_mb=16)
+        name = cell(d.get(target()))[1]
+        again = d.get(target())
+        self.assertIn("hit", again.headers["Cache-Status"])
+        self.assertEqual(cell(again), ("hit", name, "drawn"))
+        self.assertEqual(d.metric("views_drawn_total"), 1)
+
+    def test_one_route_for_one_cell(self):
+        d = self.start()
+        answers = [d.get(target(x, f="json", format=None)) for x in (200, 200.01, 260)]
+        routes = [a.headers["Silvista-Route"] for a in answers]
+        self.assertEqual(routes[0], routes[1])
+        self.assertNotEqual(routes[0], routes[2])
+        self.assertEqual(json.loads(answers[0].body)["plan"]["relief"], "on")
+
+    def test_no_memory_for_cells(self):
+        d = self.start(cells_bytes=0)
+        self.assertEqual(cell(d.get(target()))[0], "bypass")
+        self.assertEqual(self.listed(d)["cells"], [])
+        self.assertEqual(d.request("DELETE", "/v1/cells", headers=ADMIN).status, 204)
+
+    def test_built_ahead(self):
+        d = self.start()
+        body = json.dumps({"views": [dict(x=x, y=150, agl=16, width=64, height=64) for x in (120, 200)]})
+        self.assertEqual(d.request("POST", "/v1/cells", body, {"Content-Type": "application/json"}).status, 401)
+        answer = d.request("POST", "/v1/cells", body, ADMIN)
+        self.assertEqual(answer.status, 202)
+        ids = [j["id"] for j in json.loads(answer.body)["jobs"]]
+        self.assertEqual(len(set(ids)), 2)
+        until(lambda: d.metric("cells_jobs_ahead") == 0, "all is built")
+        builds = d.metric("cells_builds_total")
+        self.assertGreater(builds, 0)
+        for x in (120, 200):
+            view = "/v1/view?x=%d&y=150&agl=16&width=64&height=64" % x
+            self.assertEqual(cell(d.get(view))[0], "hit")
+        self.assertEqual(d.metric("cells_builds_total"), builds)
+        wrong = json.dumps({"views": [{"x": 1, "y": 1}, {"x": 1, "y": 1, "layer": "depth"}, {"q": 0}]})
+        refused = d.request("POST", "/v1/cells", wrong, ADMIN)
+        self.assertEqual(refused.status, 400)
+        fields = {e["field"] for e in refused.problem()["errors"]}
+        self.assertTrue({"views[1].layer", "views[2].q", "views[2].x"} <= fields, fields)
+        self.assertEqual(d.metric("cells_jobs_ahead"), 0)
+
+    def test_built_ahead_of_who_moves(self):
+        d = self.start()
+        until(lambda: d.metric("workers") == 2, "two workers")
+        # Evenly on, each step into another cell: how many steps ahead is asked for depends on how long they take.
+        kinds = []
+        while kinds[-3:] != ["hit"] * 3 and len(kinds) < 60:
+            kinds.append(cell(d.get(target(120 + 2 * len(kinds), size=64)))[0])
+            until(lambda: d.metric("cells_jobs_ahead") == 0, "what comes next is built")
+        self.assertEqual(kinds[0], "built")
+        self.assertEqual(kinds[-3:], ["hit"] * 3, kinds)
+
+    def test_a_worker_killed_while_it_draws(self):
+        d = self.start()
+        name = cell(d.get(target()))[1]
+        self.assertEqual(d.request("DELETE", "/v1/cells", headers=ADMIN).status, 204)
+        d.hook("hold", "129")
+        answer = d.background(d.get, target(size=129))
+        victim = d.until_held()[0]
+        os.kill(victim, signal.SIGKILL)
+        until(lambda: d.held() and d.held() != [victim], "a fresh worker has the view")
+        d.unhook("hold")
+        self.assertEqual(answer.result().status, 200)
+        self.assertEqual(cell(answer.result())[:2], ("built", name))
+        self.assertEqual(cell(d.get(target()))[:2], ("hit", name))
+
+    def test_workers_killed_while_they_build(self):
+        """At moments that nobody chose: whatever they were in the middle of, the next one draws the same picture."""
+        d = self.start()
+        # A view that is lost twice is not drawn again: each time another one, of the same panels.
+        views = [target(relief_resolution=512, heading=h) for h in range(4)]
+        want = [d.get(v).body for v in views]
+        for k in range(3):
+            self.assertEqual(d.request("DELETE", "/v1/cells", headers=ADMIN).status, 204)
+            before = d.metric("cells_misses_total")
+            answer = d.background(d.get, views[k])
+            until(lambda b=before: d.metric("cells_misses_total") > b, "it builds")
+            for pid in d.worker_pids():
+                os.kill(pid, signal.SIGKILL)
+            self.assertIn(answer.result().status, (200, 500))
+            until(lambda: d.metric("workers") == 2, "workers are replaced")
+            listed = self.listed(d)
+            self.assertEqual(listed["building"], 0, "what the dead were building is given back")
+            self.assertEqual(d.get(views[k + 1]).body, want[k + 1])
+        self.assertEqual(d.metric("scene_deaths_total"), 0)
+
+    def test_workers_share_what_they_build(self):
+        d = self.start()
+        views = [target(heading=h) for h in (0, 5, 10, 15)]
+        answers = [d.background(d.get, v) for v in views]
+        self.assertEqual([a.result().status for a in answers], [200] * 4)
+        self.assertEqual(len({cell(a.result())[1] for a in answers}), 1)
+        again = [d.get(v) for v in views]
+        self.assertEqual([cell(a)[0] for a in again], ["hit"] * 4)
+        self.assertEqual([a.body for a in again], [a.result().body for a in answers])
+
+
+if __name__ == "__main__":
+    unittest.main()
