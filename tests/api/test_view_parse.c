@@ -398,7 +398,7 @@ static void json_bodies(void **state)
         if (r.kind != want || (rows[k].fields && strcmp(r.fields, rows[k].fields) != 0))
             fail_msg("%s: got %d [%s] %s", rows[k].body, sv_api_problem_status(r.kind), r.fields, r.first);
     }
-    assert_int_equal(json("{\"x\":1,\"y\":2,\"relief\":\"paper\"}", NULL).kind, SV_PROBLEM_NOT_BUILT);
+    assert_int_equal(json("{\"x\":1,\"y\":2,\"max_error\":2}", NULL).kind, SV_PROBLEM_NOT_BUILT);
     assert_int_equal(json("{\"x\":1,\"y\":2}", "text/plain").kind, SV_PROBLEM_NOT_ACCEPTABLE);
     assert_true(json("{\"x\":1,\"y\":2,\"sky\":false}", NULL).view.request.format == SV_FORMAT_PNG);
 }
