@@ -68,6 +68,7 @@ static struct sv_resolved_view view_at(const struct fixture *f, double x, double
     request.width = request.height = SIZE;
     if (sv_view_resolve(f->scene, &request, &view, NULL, &error) != SV_OK)
         fail_msg("%s: %s", error.field, error.message);
+    view.plan.relief_resolution = SIZE;
     view.plan.terrain_error_px = 0; /* else panels and views cull, and so refine, in their own ways */
     return view;
 }
