@@ -27,8 +27,8 @@ static enum sv_problem_kind parse_one(const cJSON *item, size_t index,
     sv_errors_init(&own);
     enum sv_problem_kind kind = sv_api_view_parse_tree(item, NULL, limits, &view, &own);
     if (kind == SV_PROBLEM_NONE) {
-        enum sv_field_id bar =
-            view.request.relief == SV_RELIEF_OFF ? SV_FIELD_RELIEF : sv_api_view_cell_bar(&view.request);
+        bool none = view.request.relief == SV_RELIEF_OFF || view.request.relief == SV_RELIEF_PAPER;
+        enum sv_field_id bar = none ? SV_FIELD_RELIEF : sv_api_view_cell_bar(&view.request);
         *request = view.request;
         if (bar != SV_FIELD_COUNT) {
             sv_errors_add(&own, SV_EINVAL, sv_api_field_name(bar),

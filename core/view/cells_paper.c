@@ -126,11 +126,12 @@ static bool in_region(struct sv_vec3 v, double distance_m, struct sv_vec3 eye)
     return sv_region_holds(o) && fmax(fabs(o.x), fmax(fabs(o.y), fabs(o.z))) <= 1 - PLANE_MARGIN;
 }
 
-/* Everything but place and size that panels depend on. */
+/* Everything but the place that panels depend on. */
 static uint64_t key_of(const struct sv_cells_paper *c, const struct sv_resolved_view *v)
 {
     uint64_t h = sv_hash_double(sv_hash_double(SV_HASH_INIT, v->sun.azimuth_rad), v->sun.elevation_rad);
     h = sv_hash_u64(h, (uint64_t)v->plan.shadows | (uint64_t)v->air << 1 | (uint64_t)v->plan.draw_trees << 2);
+    h = sv_hash_u64(sv_hash_double(h, v->plan.relief_distance_m), (uint64_t)v->plan.relief_resolution);
     return sv_hash_u64(sv_hash_double(h, v->plan.tree_error_px), c->scene->version);
 }
 
@@ -139,7 +140,7 @@ static uint64_t key_of(const struct sv_cells_paper *c, const struct sv_resolved_
 static struct sv_vec3 next_v(const struct sv_cells_paper *c, const struct sv_resolved_view *view)
 {
     struct sv_vec3 eye = view->camera.eye, level = {eye.x, eye.y, 0};
-    double d = c->scene->relief_distance_m, ground;
+    double d = view->plan.relief_distance_m, ground;
     struct sv_cell_rings rings = {.count = 1, .distance_m = {d}, .pitch = 1};
     struct sv_cell_place chain[SV_CELL_RINGS_MAX];
     if (!sv_cell_chain(&rings, level, false, chain) ||
@@ -165,8 +166,8 @@ static void choose_cell(struct sv_cells_paper *c, const struct sv_resolved_view 
     finish_cell(&c->cells[0]);
     c->cells[0] = (struct cell){.used = true,
                                 .v = next_v(c, view),
-                                .distance_m = c->scene->relief_distance_m,
-                                .size = c->scene->relief_resolution,
+                                .distance_m = view->plan.relief_distance_m,
+                                .size = view->plan.relief_resolution,
                                 .key = key};
 }
 
@@ -465,8 +466,8 @@ enum sv_status sv_cells_paper_draw(struct sv_cells_paper *cells, const struct sv
     *report = (struct sv_cells_paper_report){0};
     for (int k = 0; k < SV_STAGE_COUNT; k++)
         report->ms[k] = -1;
-    if (!(c->scene->relief_distance_m > 0) || c->scene->relief_resolution < 1)
-        return sv_fail(error, SV_EINVAL, "relief", "the scene has no relief distance and resolution");
+    if (!(view->plan.relief_distance_m > 0) || view->plan.relief_resolution < 1)
+        return sv_fail(error, SV_EINVAL, "relief", "no distance and resolution of panels");
     enum sv_status status = want_size(c, &view->camera, error);
     if (status)
         return status;

@@ -1,8 +1,8 @@
 /* cells_paper.h - a view drawn as paper 1, section 5, draws it (relief=paper): for measuring the direct warp
  * (cells.h) against.
  *
- * One ring, of the scene's relief distance D. Panels of 4 D x 4 D about a reference point V, of which only
- * what a 90-degree pyramid sees is ever filled, and kept (the scene's relief resolution over 90 degrees):
+ * One ring, of the view's relief distance D. Panels of 4 D x 4 D about a reference point V, of which only
+ * what a 90-degree pyramid sees is ever filled, and kept (the view's relief resolution over 90 degrees):
  * drawn from V by OSMesa and the kernels of trees, the z-buffer made displ by (7) to (9) (build.h), each view
  * pre-warped in two serial passes (prewarp.h) and texture-mapped as quads (draw_prewarp.h), opposite wedge
  * first, own wedge last. V stays while the eye is in its region M (region.h); then comes the next one, of the
@@ -39,7 +39,7 @@ void sv_cells_paper_destroy(struct sv_cells_paper *cells); /* NULL is legal */
 
 /* Draws a view (one that sv_cells_can) into rgba (width * height * 4; sRGB, premultiplied; alpha 255
  * everywhere where sky is true). Panels of the last two cells are kept. What is drawn depends on which V was
- * current before. Errors of direct.h; SV_EINVAL: the scene's distance or resolution is none. */
+ * current before. Errors of direct.h; SV_EINVAL: the view's distance or resolution is none. */
 SV_MUST_CHECK enum sv_status sv_cells_paper_draw(struct sv_cells_paper *cells,
                                                  const struct sv_resolved_view *view, bool sky, uint8_t *rgba,
                                                  struct sv_cells_paper_report *report,

@@ -59,7 +59,7 @@ static void bad_lists(void **state)
         {"{\"views\":[{\"x\":1,\"y\":2,\"layer\":\"depth\"},{\"x\":1,\"y\":2,\"trees\":\"coarse\"},"
          "{\"x\":1,\"y\":2,\"quality\":\"reference\"}]}",
          "views[0].layer views[1].trees views[2].quality", SV_PROBLEM_BAD_REQUEST},
-        {"{\"views\":[{\"x\":1,\"y\":2,\"relief\":\"paper\"}]}", "views[0].relief", SV_PROBLEM_NOT_BUILT},
+        {"{\"views\":[{\"x\":1,\"y\":2,\"relief\":\"paper\"}]}", "views[0].relief", SV_PROBLEM_BAD_REQUEST},
         {"{\"views\":[{\"x\":1,\"y\":2,\"relief\":\"paper\"},{\"x\":1}]}", "views[0].relief views[1].y",
          SV_PROBLEM_BAD_REQUEST},
         {"{\"views\":[{\"x\":1},{\"x\":1,\"y\":2,\"relief\":\"paper\"}]}", "views[0].y views[1].relief",

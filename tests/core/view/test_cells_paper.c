@@ -68,6 +68,8 @@ static struct sv_resolved_view view_at(const struct fixture *f, double x, double
     request.width = request.height = SIZE;
     if (sv_view_resolve(f->scene, &request, &view, NULL, &error) != SV_OK)
         fail_msg("%s: %s", error.field, error.message);
+    view.plan.relief_resolution = SIZE;
+    view.plan.terrain_error_px = 0; /* else panels and views cull, and so refine, in their own ways */
     return view;
 }
 
@@ -76,17 +78,17 @@ struct both {
     struct sv_cells_paper_report report;
 };
 
-static struct both draw(const struct fixture *f, const struct sv_resolved_view *view)
+static struct both draw(const struct fixture *f, const struct sv_resolved_view *view, bool sky)
 {
     struct both b = {0};
     struct sv_error error;
     struct sv_draw_stats stats = {0};
     struct sv_direct_pass pass = {
-        .layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH, .sky = true, .trees = true};
+        .layers = 1u << SV_LAYER_COLOR | 1u << SV_LAYER_DEPTH, .sky = sky, .trees = true};
     if (sv_picture_alloc(&view->camera, pass.layers, &b.direct, &error) != SV_OK ||
         sv_picture_alloc(&view->camera, pass.layers, &b.paper, &error) != SV_OK ||
         sv_direct_draw(f->direct, view, &pass, &b.direct, NULL, &error) != SV_OK ||
-        sv_cells_paper_draw(f->cells, view, true, b.paper.layer[SV_LAYER_COLOR].data, &b.report, &stats,
+        sv_cells_paper_draw(f->cells, view, sky, b.paper.layer[SV_LAYER_COLOR].data, &b.report, &stats,
                             &error) != SV_OK)
         fail_msg("%s: %s", error.field, error.message);
     return b;
@@ -100,6 +102,24 @@ static double share_off(const struct both *b, int step)
         off += abs(p[4 * k] - q[4 * k]) > step || abs(p[4 * k + 1] - q[4 * k + 1]) > step ||
                abs(p[4 * k + 2] - q[4 * k + 2]) > step;
     return (double)off / (SIZE * SIZE);
+}
+
+/* Share of pixels that one picture covers whole and that nothing of the other is within REACH of. */
+static double share_alone(const struct sv_picture *of, const struct sv_picture *other)
+{
+    enum { REACH = 6 };
+    const uint8_t *p = of->layer[SV_LAYER_COLOR].data, *q = other->layer[SV_LAYER_COLOR].data;
+    long alone = 0;
+    for (int y = REACH; y < SIZE - REACH; y++)
+        for (int x = REACH; x < SIZE - REACH; x++) {
+            bool found = p[4 * (y * SIZE + x) + 3] < 255;
+            for (int k = 0; k < (2 * REACH + 1) * (2 * REACH + 1) && !found; k++) {
+                int i = x - REACH + k % (2 * REACH + 1), j = y - REACH + k / (2 * REACH + 1);
+                found = q[4 * (j * SIZE + i) + 3] > 0;
+            }
+            alone += !found;
+        }
+    return (double)alone / (SIZE * SIZE);
 }
 
 static void finish(struct both *b)
@@ -120,14 +140,11 @@ static void equal_at_the_reference_point(void **state)
         struct fixture f = open_scene((uint32_t)trees);
         for (int heading = 0; heading < 360; heading += 90) {
             struct sv_resolved_view view = view_at(&f, 0, 0, 20, heading, 90);
-            struct both b = draw(&f, &view);
+            struct both b = draw(&f, &view, true);
             char name[64];
             snprintf(name, sizeof name, "paper-v-%d-%d", trees, heading);
             kit_keep(&b.paper.layer[SV_LAYER_COLOR], name);
-            print_message("%d trees, heading %d: off by > 1: %.5f, by > 24: %.5f; warped %u, geometry %u\n",
-                          trees, heading, share_off(&b, 1), share_off(&b, 24), b.report.warped,
-                          (unsigned)b.report.geometry);
-            assert_true(b.report.warped > 0 && b.report.built > 0);
+            assert_true(b.report.warped > 0);
             assert_true(b.report.holes == 0);
             if (trees == 0)
                 assert_true(share_off(&b, 1) < 1e-3);
@@ -139,7 +156,10 @@ static void equal_at_the_reference_point(void **state)
     }
 }
 
-/* Inside of M nothing is lost: land and trees are where direct drawing has them. */
+/* Inside of M nothing is lost: land and trees stand before the sky where direct drawing has them, within 6 px
+ * (a texel is 1.7 px there, 1 / (1 - gamma) <= 6 times that towards one face at most; its edge is off by half
+ * of it). Colours: outlines of crowns and of their shadows are as coarse as texels; measured 0.2 to 2.3 % off
+ * by more than 48, twice that is allowed. V is kept while M holds the eye. */
 static void nothing_is_lost_in_the_region(void **state)
 {
     static const double eyes[][3] = {{0, 0, 20},    {12, 0, 20},   {0, -25, 24},
@@ -150,15 +170,20 @@ static void nothing_is_lost_in_the_region(void **state)
     for (size_t k = 0; k < sizeof eyes / sizeof *eyes; k++)
         for (int heading = 30; heading < 360; heading += 120) {
             struct sv_resolved_view view = view_at(&f, eyes[k][0], eyes[k][1], eyes[k][2], heading, 60);
-            struct both b = draw(&f, &view);
+            struct both b = draw(&f, &view, false);
             char name[64];
             snprintf(name, sizeof name, "paper-m-%zu-%d", k, heading);
             kit_keep(&b.paper.layer[SV_LAYER_COLOR], name);
             snprintf(name, sizeof name, "paper-m-%zu-%d-direct", k, heading);
             kit_keep(&b.direct.layer[SV_LAYER_COLOR], name);
-            print_message("eye %zu heading %d: off by > 48: %.4f, geometry %.5f, holes %u\n", k, heading,
-                          share_off(&b, 48), (double)b.report.geometry / (SIZE * SIZE),
-                          (unsigned)b.report.holes);
+            print_message("eye %zu, heading %d: off %.4f, lost %.5f, extra %.5f, geometry %.4f, holes %llu\n",
+                          k, heading, share_off(&b, 48), share_alone(&b.direct, &b.paper),
+                          share_alone(&b.paper, &b.direct), (double)b.report.geometry / (SIZE * SIZE),
+                          (unsigned long long)b.report.holes);
+            assert_true(share_alone(&b.direct, &b.paper) < 1e-3);
+            assert_true(share_alone(&b.paper, &b.direct) < 1e-3);
+            assert_true(share_off(&b, 48) < 0.05);
+            assert_true((double)b.report.geometry / (SIZE * SIZE) < 0.02);
             if (k == 0 && heading == 30)
                 v = b.report.v;
             bool kept = b.report.v.x == v.x && b.report.v.y == v.y && b.report.v.z == v.z;
