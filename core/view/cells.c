@@ -24,6 +24,7 @@
 
 /* Leaves of trees this near are pixels large: more samples cost more than they mend. */
 enum { NEAR_LEAF_SAMPLES = 1 };
+enum { POPULATED = 1024 };
 enum held { HELD_NOT, HELD_SHARED, HELD_OWN };
 
 /* Panels that a view is drawn from. */
@@ -49,6 +50,7 @@ struct sv_cells {
     uint8_t (*rgba)[4]; /* ground and sky */
     uint8_t *hidden;
     struct seen seen[SV_CELLS_PANELS_MAX];
+    uint64_t populated[POPULATED]; /* serials of panels that this process has mapped */
     int seen_count;
 };
 
