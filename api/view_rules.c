@@ -322,11 +322,12 @@ enum sv_field_id sv_api_view_cell_bar(const struct sv_view_request *request)
 static void check_relief(struct build *b, const struct sv_view_request *r)
 {
     static const enum sv_field_id of_panels[] = {SV_FIELD_RELIEF_DISTANCE, SV_FIELD_RELIEF_RESOLUTION};
-    enum sv_field_id bar = r->relief == SV_RELIEF_ON ? sv_api_view_cell_bar(r) : SV_FIELD_COUNT;
+    bool asked = r->relief == SV_RELIEF_ON || r->relief == SV_RELIEF_PAPER;
+    enum sv_field_id bar = asked ? sv_api_view_cell_bar(r) : SV_FIELD_COUNT;
     if (bar != SV_FIELD_COUNT)
         BAD(b, SV_FIELD_RELIEF,
-            "on excludes this %s: panels show layer=color in perspective, with 1 sample and trees=auto or none",
-            sv_api_field_name(bar));
+            "%s excludes this %s: panels show layer=color in perspective, with 1 sample and trees=auto or none",
+            sv_relief_name(r->relief), sv_api_field_name(bar));
     for (size_t k = 0; k < 2 && r->relief == SV_RELIEF_OFF; k++)
         useless(b, of_panels[k], "relief=off draws everything directly");
 }

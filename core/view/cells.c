@@ -138,6 +138,7 @@ bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 
 struct frame {
     const struct sv_resolved_view *view;
+    int row_first, row_end; /* of the picture that is drawn */
     bool sky, build;
     bool ahead;    /* only builds, */
     uint32_t most; /* so many panels */
@@ -373,7 +374,7 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
     enum sv_status status = look_around(c, f, error);
     if (status)
         return status;
-    band_planes(&view->camera, c->row_first, c->row_first + c->row_count, f->planes);
+    band_planes(&view->camera, f->row_first, f->row_end, f->planes);
     f->report->ground_direct = f->ground_ring < 0;
     f->report->id = sv_cell_key(&f->at.rings, &(struct sv_cell_key_parts){.place = f->at.chain[f->at.crowns_first],
                                                                          .size = f->size,
@@ -585,7 +586,7 @@ enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_
                                struct sv_error *error)
 {
     struct sv_cells_report report;
-    struct frame f = {.view = view, .report = &report};
+    struct frame f = {.view = view, .row_end = view->camera.height, .report = &report};
     enum sv_status status = look_around(cells, &f, error);
     if (status)
         return status;
@@ -602,7 +603,12 @@ enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_
 enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
                               struct sv_cells_report *report, struct sv_error *error)
 {
-    struct frame f = {.view = view, .build = true, .ahead = true, .most = most, .report = report};
+    struct frame f = {.view = view,
+                      .row_end = view->camera.height,
+                      .build = true,
+                      .ahead = true,
+                      .most = most,
+                      .report = report};
     clear(report);
     enum sv_status status = choose(cells, &f, error);
     release(cells);
@@ -614,7 +620,13 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
                              struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_cells *c = cells;
-    struct frame f = {.view = view, .sky = sky, .build = build, .most = UINT32_MAX, .report = report};
+    struct frame f = {.view = view,
+                      .row_first = row_first,
+                      .row_end = row_first + row_count,
+                      .sky = sky,
+                      .build = build,
+                      .most = UINT32_MAX,
+                      .report = report};
     clear(report);
     enum sv_status status = want_band(c, view->camera.width, row_first, row_count, error);
     if (!status)

@@ -230,7 +230,7 @@ static void not_built_yet(void **state)
         {"x=1&y=2&shadows=on&trees=raycast", NULL},
         {"x=1&y=2&shadows=on&quality=reference", NULL},
         {"x=1&y=2&shadows=on&quality=reference&trees=none", NULL},
-        {"x=1&y=2&relief=paper&trees=coarse&max_error=2", "max_error"},
+        {"x=1&y=2&relief=paper&max_error=2", "max_error"},
     };
     for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
         struct result r = kvp(rows[k].query, NULL);

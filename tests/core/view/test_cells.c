@@ -231,8 +231,9 @@ static void without_a_slot(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(built_then_hit),         cmocka_unit_test(in_memory_of_its_own),
-        cmocka_unit_test(built_ahead_one_by_one), cmocka_unit_test(admitted_when_it_pays),
+        /* First, before anything is drawn: what is built ahead is what the whole picture needs. */
+        cmocka_unit_test(built_ahead_one_by_one), cmocka_unit_test(built_then_hit),
+        cmocka_unit_test(in_memory_of_its_own),   cmocka_unit_test(admitted_when_it_pays),
         cmocka_unit_test(without_a_slot),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
