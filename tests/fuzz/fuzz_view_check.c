@@ -74,8 +74,13 @@ static void check_request(const struct sv_view_request *r, const uint8_t *data, 
     HOLD((unsigned)r->quality < SV_QUALITY_COUNT && (unsigned)r->trees < SV_TREES_COUNT);
     HOLD(r->trees == SV_TREES_AUTO || r->trees == SV_TREES_RAYCAST || r->trees == SV_TREES_POLYGON ||
          r->trees == SV_TREES_NONE);
-    HOLD(r->relief == SV_RELIEF_AUTO || r->relief == SV_RELIEF_OFF);
-    HOLD(r->max_error_px == 0 && r->budget_ms == 0 && r->relief_distance_m == 0 && r->relief_resolution == 0);
+    HOLD(r->relief >= 0 && r->relief < SV_RELIEF_COUNT);
+    HOLD(r->max_error_px == 0 && r->budget_ms == 0);
+    HOLD(r->relief_distance_m == 0 || (r->relief_distance_m >= 25 && r->relief_distance_m <= 400));
+    HOLD(r->relief_resolution == 0 || (r->relief_resolution >= 256 && r->relief_resolution <= 2048));
+    if (r->relief == SV_RELIEF_ON || r->relief == SV_RELIEF_PAPER) /* what panels can show */
+        HOLD(r->layers == 1u << SV_LAYER_COLOR && r->projection == SV_PROJECTION_PERSPECTIVE && r->samples <= 1 &&
+             (r->trees == SV_TREES_AUTO || r->trees == SV_TREES_NONE));
     HOLD(r->samples == 0 || r->samples == 1 || r->samples == 4 || r->samples == 16 || r->samples == 64);
     HOLD(in(SV_FIELD_SUN_AZIMUTH, r->sun_azimuth_rad, true) &&
          in(SV_FIELD_SUN_ELEVATION, r->sun_elevation_rad, true));
