@@ -14,6 +14,9 @@ static enum sv_status map(int fd, struct sv_cells_memory *m, struct sv_error *er
     void *memory = mmap(NULL, m->bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, fd, 0);
     if (memory == MAP_FAILED)
         return sv_fail(error, SV_EIO, "cells", "mapping %zu bytes: %s", m->bytes, strerror(errno));
+    /* A panel is 1,500 small pages, each mapped at a fault of its own in each worker; a few large ones where the system
+     * lets shared memory have them (shmem_enabled). */
+    (void)madvise(memory, m->bytes, MADV_HUGEPAGE);
     m->memory = memory;
     return SV_OK;
 }

@@ -72,6 +72,8 @@ static void make_cells(struct forest *forest)
     if (cells_bytes == 0)
         return;
     void *memory = mmap(NULL, cells_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (memory != MAP_FAILED) /* as server/cells_memory.c */
+        (void)madvise(memory, cells_bytes, MADV_HUGEPAGE);
     if (memory == MAP_FAILED ||
         sv_cell_cache_make(memory, cells_bytes, &SV_CELL_CACHE_OPTIONS_DEFAULT, &forest->cells, &error)) {
         fprintf(stderr, "cells: %s\n", error.message);
