@@ -4,7 +4,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 
 #include "core/base/color.h"
 #include "core/base/hash.h"
@@ -24,7 +23,6 @@
 
 /* Leaves of trees this near are pixels large: more samples cost more than they mend. */
 enum { NEAR_LEAF_SAMPLES = 1 };
-enum { POPULATED = 1024 };
 enum held { HELD_NOT, HELD_SHARED, HELD_OWN };
 
 /* Panels that a view is drawn from. */
@@ -50,7 +48,6 @@ struct sv_cells {
     uint8_t (*rgba)[4]; /* ground and sky */
     uint8_t *hidden;
     struct seen seen[SV_CELLS_PANELS_MAX];
-    uint64_t populated[POPULATED]; /* serials of panels that this process has mapped */
     int seen_count;
 };
 
@@ -263,17 +260,6 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
     return SV_OK;
 }
 
-/* What another process has written is mapped here a page at a time when it is first read, at a fault each: all at once
- * it takes a tenth of that. A panel that is mapped already (or a system without this) costs nothing. */
-static void populate(struct sv_cells *c, const struct sv_cell_cache_panel *panel)
-{
-    uint64_t *known = &c->populated[panel->serial % POPULATED];
-    if (*known == panel->serial)
-        return;
-    *known = panel->serial;
-    (void)madvise(panel->data, panel->bytes, MADV_POPULATE_READ);
-}
-
 static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool must, struct seen *s,
                              struct sv_error *error)
 {
@@ -284,7 +270,6 @@ static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool mus
         s->held = HELD_SHARED;
         f->report->hits++;
         f->report->refined += s->pin.refined;
-        populate(c, &s->pin);
     } else if (!f->build) {
         return sv_fail(error, SV_ENOENT, "relief", "a panel of the cell is missing");
     } else if (f->report->built >= f->most) {
