@@ -78,16 +78,6 @@ static void put(struct list *list, float *depth)
     list->count = 0;
 }
 
-/* The largest of eight, at least 0. */
-static inline int largest(__m256i v)
-{
-    __m128i m = _mm_max_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1));
-    m = _mm_max_epi32(m, _mm_shuffle_epi32(m, 0x4e));
-    m = _mm_max_epi32(m, _mm_shuffle_epi32(m, 0xb1));
-    int most = _mm_cvtsi128_si32(m);
-    return most > 0 ? most : 0;
-}
-
 static inline __m256i more_than(__m256i count, int k)
 {
     return _mm256_cmpgt_epi32(count, _mm256_set1_epi32(k));
@@ -105,7 +95,7 @@ static void draw(const struct sv_relief_map *map, const struct quads *q, __m256 
         pixels(_mm256_add_ps(q->at[1], q->lo[1]), _mm256_add_ps(q->at[1], q->hi[1]), map->height, &j0);
     nx = _mm256_and_si256(nx, _mm256_castps_si256(drawn));
     ny = _mm256_and_si256(ny, more_than(nx, 0));
-    int wide = largest(nx), high = largest(ny);
+    int wide = sv_warp_largest(nx), high = sv_warp_largest(ny);
     __m256 scale = _mm256_div_ps(one, det), sx = mul(q->e2[1], scale), sy = mul(q->e2[0], scale),
            rx = mul(q->e1[1], scale), ry = mul(q->e1[0], scale);
     __m256 s3 = cross(q->e3[0], sx, q->e3[1], sy), r3 = cross(q->e3[1], ry, q->e3[0], rx);

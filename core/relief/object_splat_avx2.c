@@ -315,16 +315,6 @@ static inline __m256 offset_of(__m256i first, __m256 from)
     return _mm256_sub_ps(_mm256_add_ps(_mm256_cvtepi32_ps(first), splat(0.5f)), from);
 }
 
-/* The largest of eight, at least 0. */
-static inline int largest(__m256i v)
-{
-    __m128i m = _mm_max_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1));
-    m = _mm_max_epi32(m, _mm_shuffle_epi32(m, 0x4e));
-    m = _mm_max_epi32(m, _mm_shuffle_epi32(m, 0xb1));
-    int most = _mm_cvtsi128_si32(m);
-    return most > 0 ? most : 0;
-}
-
 /* Where in a texel a quarter lies: 1/2 + scale (s, r). NULL: cells. */
 struct quarters {
     __m256 s_scale, r_scale;
@@ -355,8 +345,8 @@ static inline void draw_patches(const struct patches *p, const struct quarters *
     __m256i code = _mm256_add_epi32(_mm256_set1_epi32(first << 16 | (quarters ? 0 : 1)), lane);
     __m256i pixel = _mm256_add_epi32(_mm256_mullo_epi32(p->j0, _mm256_set1_epi32(width)), p->i0);
     __m256 dx0 = offset_of(p->i0, p->x0), dy0 = offset_of(p->j0, p->y0);
-    int high = largest(p->ny),
-        wide = largest(_mm256_and_si256(p->nx, _mm256_cmpgt_epi32(p->ny, _mm256_setzero_si256())));
+    int high = sv_warp_largest(p->ny),
+        wide = sv_warp_largest(_mm256_and_si256(p->nx, _mm256_cmpgt_epi32(p->ny, _mm256_setzero_si256())));
     for (int ky = 0; ky < high; ky++) {
         __m256 mask = more_than(p->ny, ky), dy = _mm256_add_ps(dy0, splat((float)ky));
         __m256 sy = _mm256_mul_ps(dy, p->sy), ry = _mm256_mul_ps(dy, p->ry);

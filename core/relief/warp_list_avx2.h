@@ -29,6 +29,16 @@ static inline __m256i sv_warp_order(unsigned mask)
     return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)&sv_warp_pack[mask]));
 }
 
+/* The largest of eight, at least 0. */
+static inline int sv_warp_largest(__m256i v)
+{
+    __m128i m = _mm_max_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1));
+    m = _mm_max_epi32(m, _mm_shuffle_epi32(m, 0x4e));
+    m = _mm_max_epi32(m, _mm_shuffle_epi32(m, 0xb1));
+    int most = _mm_cvtsi128_si32(m);
+    return most > 0 ? most : 0;
+}
+
 static inline void sv_warp_list_add(struct sv_warp_list *list, unsigned mask, __m256i pixel, __m256 d,
                                     __m256i code)
 {
