@@ -15,8 +15,8 @@
 #include "core/tree/leaf_splat.h"
 #include "core/tree/sprite.h"
 
-/* From this share of the size where leaves begin on, trees fade: leaves come over the sprite, then it goes, so that a crown is never
- * thinner than in either form. */
+/* From this share of the size where leaves begin on, trees fade: a share of the leaves is there, and the sprite of the
+ * others (sprite.h), so that a crown covers in both what it does in either. */
 static const double FADE_FROM = 0.8;
 
 struct sv_tree_draw {
@@ -235,8 +235,8 @@ static void choose(struct sv_tree_draw *draw, const struct sv_camera *camera,
         const struct sv_tree *tree = &draw->forest->trees[entry.tree];
         double near_px = draw->near_px[tree->species], from = FADE_FROM * near_px;
         double h = sv_cull_height_px(camera, tree), come = h >= near_px ? 1 : h > from ? (h - from) / (near_px - from) : 0;
-        put(&draw->near, entry, 2 * come);
-        put(&draw->far, entry, 2 - 2 * come);
+        put(&draw->near, entry, come);
+        put(&draw->far, entry, 1 - come);
     }
 }
 

@@ -53,7 +53,8 @@ static bool set_thin(const struct sv_leaf_pass *pass, const struct sv_leaf_splat
     if (!(f > 0) || !(weight > 0))
         return false;
     job->thin = (struct sv_leaf_thin){rank_of_share(f * weight), WINDOW, f < 1 ? 1 / sqrtf(f) : 1};
-    job->come = (struct sv_leaf_thin){rank_of_share(weight), WINDOW, 1};
+    /* Wood is there twice, in front and behind: a share s of its pieces covers 1 - (1 - s)^2 of what all do. */
+    job->come = (struct sv_leaf_thin){rank_of_share(1 - sqrtf(1 - weight)), WINDOW, 1};
     return true;
 }
 

@@ -301,16 +301,18 @@ static uint32_t set_up_batch(struct slice *s, const struct sv_tree *trees, const
     for (uint32_t k = first; k < first + count; k++) {
         uint32_t at = list->farthest_first ? list->count - 1 - k : k, index = list->entries[at].tree;
         const struct sv_tree *tree = &trees[index];
-        float weight = list->weights ? list->weights[at] : 1;
-        if (tree->species >= draw->species_count || !draw->known[tree->species].atlas || !(weight > 0))
+        float share = list->shares ? list->shares[at] : 1;
+        if (tree->species >= draw->species_count || !draw->known[tree->species].atlas ||
+            !(share >= 0.5f / SV_SPRITE_SHARE))
             continue;
         const struct sv_sprite_species *species = &draw->known[tree->species];
         struct sv_sprite_tree *out = &draw->trees[made];
         if (!sv_sprite_bound(&s->seen, species, tree, out) || !box_can_show(s, out))
             continue;
         out->first = pictures;
+        out->share = (uint32_t)(fminf(share, 1) * SV_SPRITE_SHARE + 0.5f);
         int n = sv_sprite_set_up(
-            &s->seen, species, tree, fminf(weight, 1), lights.of_tree ? &lights.of_tree[index] : NULL,
+            &s->seen, species, tree, lights.of_tree ? &lights.of_tree[index] : NULL,
             lights.of_tree ? &lights.of_species[tree->species] : NULL, out, draw->sprites + pictures);
         pictures += (uint32_t)n;
         made += n > 0;

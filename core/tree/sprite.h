@@ -46,7 +46,8 @@ struct sv_sprite_view {
 
 struct sv_sprite_list {
     const struct sv_cull_entry *entries; /* sorted by distance */
-    const float *weights; /* of each entry, 0..1: what its coverage is multiplied by (cross-fades); NULL: 1 */
+    const float *shares; /* of each entry, 0..1: what share of its leaves is there (cross-fades): the power to which the
+                            light that passes it is raised, in 64ths; NULL: 1 */
     uint32_t count;
     bool farthest_first; /* false: nearest first, as sv_cull_forest gives them */
 };

@@ -147,6 +147,18 @@ static void add_normal(const struct sv_sprite *s, const struct shown *one, float
         sum[c] += one->alpha * (m[0] * r[c] + m[1] * t[c] + m[2] * toward[c]);
 }
 
+/* What covers of a tree a share of which is there (SV_SPRITE_SHARE). */
+static float share_of(float alpha, uint32_t share)
+{
+    float root = fmaxf(1 - alpha, sv_sprite_share_least(share)), pass = 1;
+    for (int bit = SV_SPRITE_SHARE_BITS; bit-- > 0;) {
+        root = sqrtf(root);
+        if (share >> bit & 1)
+            pass = pass * root;
+    }
+    return 1 - pass;
+}
+
 static void draw_pixel(const struct sv_sprite_light *light, const struct sv_sprite_tree *tree,
                        const struct sv_sprite *sprites, float x, float y, size_t k,
                        struct sv_sprite_tile *tile, struct sv_sprite_hard *hard)
@@ -167,10 +179,15 @@ static void draw_pixel(const struct sv_sprite_light *light, const struct sv_spri
             add_normal(&sprites[n], &one, sum.normal);
         }
     }
-    float pass = tile->pass[k], left = pass * (1 - fminf(sum.alpha, 1));
-    tile->red[k] += pass * sum.rgb[0];
-    tile->green[k] += pass * sum.rgb[1];
-    tile->blue[k] += pass * sum.rgb[2];
+    float pass = tile->pass[k], covers = sum.alpha, lit = pass;
+    if (tree->share < SV_SPRITE_SHARE) {
+        covers = share_of(sum.alpha, tree->share);
+        lit = pass * (covers / fmaxf(sum.alpha, 1e-6f));
+    }
+    float left = pass * (1 - fminf(covers, 1));
+    tile->red[k] += lit * sum.rgb[0];
+    tile->green[k] += lit * sum.rgb[1];
+    tile->blue[k] += lit * sum.rgb[2];
     tile->pass[k] = left;
     bool mark = hard && (hard->surface ? pass > 0.5f : hard->z[k] == 0 && left <= 0.5f);
     if (mark && sum.alpha > 0)

@@ -266,6 +266,18 @@ static inline void mark_hard(const struct sv_sprite_tree *tree, const struct sho
         _mm256_maskstore_ps(hard->normal[c] + k, mask, mul(n[c], each));
 }
 
+/* What covers of a tree a share of which is there (SV_SPRITE_SHARE). */
+static inline V share_of(V alpha, uint32_t share)
+{
+    V root = _mm256_max_ps(sub(set(1), alpha), set(sv_sprite_share_least(share))), pass = set(1);
+    for (int bit = SV_SPRITE_SHARE_BITS; bit-- > 0;) {
+        root = _mm256_sqrt_ps(root);
+        if (share >> bit & 1)
+            pass = mul(pass, root);
+    }
+    return sub(set(1), pass);
+}
+
 /* Draws 8 pixels; returns whether any still lets light through. */
 static inline bool draw_group(const struct sv_sprite_light *light, const struct sv_sprite_tree *tree,
                               const struct sv_sprite *sprites, V x, float y, size_t k,
@@ -292,10 +304,15 @@ static inline bool draw_group(const struct sv_sprite_light *light, const struct 
     }
     if (!any)
         return true;
-    V left = mul(pass, sub(set(1), _mm256_min_ps(sum.alpha, set(1))));
-    _mm256_storeu_ps(tile->red + k, add(_mm256_loadu_ps(tile->red + k), mul(pass, sum.red)));
-    _mm256_storeu_ps(tile->green + k, add(_mm256_loadu_ps(tile->green + k), mul(pass, sum.green)));
-    _mm256_storeu_ps(tile->blue + k, add(_mm256_loadu_ps(tile->blue + k), mul(pass, sum.blue)));
+    V covers = sum.alpha, lit = pass;
+    if (tree->share < SV_SPRITE_SHARE) {
+        covers = share_of(sum.alpha, tree->share);
+        lit = mul(pass, _mm256_div_ps(covers, _mm256_max_ps(sum.alpha, set(1e-6f))));
+    }
+    V left = mul(pass, sub(set(1), _mm256_min_ps(covers, set(1))));
+    _mm256_storeu_ps(tile->red + k, add(_mm256_loadu_ps(tile->red + k), mul(lit, sum.red)));
+    _mm256_storeu_ps(tile->green + k, add(_mm256_loadu_ps(tile->green + k), mul(lit, sum.green)));
+    _mm256_storeu_ps(tile->blue + k, add(_mm256_loadu_ps(tile->blue + k), mul(lit, sum.blue)));
     _mm256_storeu_ps(tile->pass + k, left);
     if (hard)
         mark_hard(tree, &sum, pass, left, k, hard);

@@ -54,8 +54,21 @@ struct sv_sprite_tree {
     uint32_t first, count; /* of its pictures */
     uint32_t id;
     float near_z;
-    float keep; /* share of its light that the air lets through */
+    float keep;     /* share of its light that the air lets through */
+    uint32_t share; /* of the tree that is there, SV_SPRITE_SHARE: all of it */
 };
+
+/* Where a crown lets p of the light pass, one of a share s of its leaves, each where chance puts it, lets p^s
+ * pass: so two forms that share a tree's leaves cover as much as either. Where p is all but nothing, leaves
+ * hide one another and are not quite where the sprite has them: p is least(s) then, which is nothing for s =
+ * 1 (test_form_change holds the sum). Shares come in 64ths: square roots and products, that are the same bits
+ * on any machine. */
+enum { SV_SPRITE_SHARE_BITS = 6, SV_SPRITE_SHARE = 1 << SV_SPRITE_SHARE_BITS };
+
+static inline float sv_sprite_share_least(uint32_t share)
+{
+    return (float)(SV_SPRITE_SHARE - share) * (1.0f / 16 / SV_SPRITE_SHARE);
+}
 
 /* What is the same for all trees of a view. */
 struct sv_sprite_light {
@@ -71,8 +84,8 @@ struct sv_sprite_tile {
     float pass[SV_SPRITE_TILE_PIXELS], z[SV_SPRITE_TILE_PIXELS];
 };
 
-/* Where half of the view is covered; only when asked for. z: 0 where that is nowhere. surface: before half of it is,
- * the last tree that covers anything (canvas.h). */
+/* Where half of the view is covered; only when asked for. z: 0 where that is nowhere. surface: before half of
+ * it is, the last tree that covers anything (canvas.h). */
 struct sv_sprite_hard {
     bool surface;
     float z[SV_SPRITE_TILE_PIXELS];
@@ -130,10 +143,10 @@ struct sv_sprite_species {
 /* Box and least depth of the ball about the tree; false when it is out of the view. */
 bool sv_sprite_bound(const struct sv_sprite_frame_view *view, const struct sv_sprite_species *species,
                      const struct sv_tree *tree, struct sv_sprite_tree *out);
-/* The pictures of a tree (at most SV_SPRITE_FRAMES_MAX), its box; 0 when nothing shows. out->first is left
- * alone. light NULL: all of the sunlight arrives. */
+/* The pictures of a tree (at most SV_SPRITE_FRAMES_MAX), its box; 0 when nothing shows. out->first and
+ * out->share are left alone. light NULL: all of the sunlight arrives. */
 int sv_sprite_set_up(const struct sv_sprite_frame_view *view, const struct sv_sprite_species *species,
-                     const struct sv_tree *tree, float weight, const struct sv_tree_light *light,
+                     const struct sv_tree *tree, const struct sv_tree_light *light,
                      const struct sv_tree_light_axes *axes, struct sv_sprite_tree *out,
                      struct sv_sprite sprites[SV_SPRITE_FRAMES_MAX]);
 

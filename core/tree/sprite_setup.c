@@ -393,7 +393,7 @@ static void set_picture(const struct sv_sprite_frame_view *view, const struct sv
 }
 
 int sv_sprite_set_up(const struct sv_sprite_frame_view *view, const struct sv_sprite_species *species,
-                     const struct sv_tree *tree, float weight, const struct sv_tree_light *light,
+                     const struct sv_tree *tree, const struct sv_tree_light *light,
                      const struct sv_tree_light_axes *axes, struct sv_sprite_tree *out,
                      struct sv_sprite sprites[SV_SPRITE_FRAMES_MAX])
 {
@@ -410,7 +410,7 @@ int sv_sprite_set_up(const struct sv_sprite_frame_view *view, const struct sv_sp
     for (int k = 0; k < found; k++) {
         if (species->atlas->frames[frames[k]].level[0].width == 0)
             continue;
-        set_picture(view, species->atlas, &of, frames[k], weight * weights[k], &laid[count], lo, hi,
+        set_picture(view, species->atlas, &of, frames[k], weights[k], &laid[count], lo, hi,
                     &in_front, &sprites[count]);
         out->near_z = fminf(out->near_z, sprites[count].near_z);
         count++;

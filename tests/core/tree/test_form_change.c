@@ -117,10 +117,10 @@ static void draw_place(struct sv_tree_draw *draw, double error_px, double height
     assert_int_equal(stats.trees[SV_TREE_FORM_COARSE], height_px < near_px);
 }
 
-/* Leaves and wood come in the first half of the steps, the sprite goes in the second, both in even shares of
- * what is left to change (sv_leaf_splat_trees.weight; sprites go by a dither of even thresholds): a step
- * changes the 1 / (STEPS / 2)-th part of what the forms differ by. Three of those, as pieces differ in size
- * and come a few at a time. What pops takes all parts at once. */
+/* Leaves and wood come, the sprite goes, both in even shares of what is left to change
+ * (sv_leaf_splat_trees.weight, sv_sprite_list.shares): a step changes the 1 / STEPS-th part of what the forms
+ * differ by. Six of those, as pieces differ in size and come a few at a time, and hide others. What pops
+ * takes all parts at once. */
 static void check_walk(const struct sv_tree_mesh *mesh, const char *name)
 {
     static struct place places[2];
@@ -136,7 +136,7 @@ static void check_walk(const struct sv_tree_mesh *mesh, const char *name)
             continue;
         double change = difference(now->faded, last->faded);
         double own = fmax(difference(now->leaves, last->leaves), difference(now->sprite, last->sprite));
-        double forms = difference(now->leaves, now->sprite), share = 3 * forms / (STEPS / 2);
+        double forms = difference(now->leaves, now->sprite), share = 6 * forms / STEPS;
         worst = fmax(worst, change / (own + share));
         most_share = fmax(most_share, (change - own) / forms);
         assert_true(forms > 0 && share < forms / 4);
@@ -198,9 +198,50 @@ static void what_comes_far_away_changes_nothing_near(void **state)
     fixture_forest_finish(&f);
 }
 
+/* How much of the sky a picture of place hides: mean over pixels of what is not the sky's blue. */
+static double hidden(const uint8_t *color)
+{
+    double sum = 0;
+    for (int p = 0; p < SIDE * SIDE; p++)
+        sum += 1 -
+               fmin((double)sv_linear_from_srgb8[color[4 * p + 2]] / (double)sv_linear_from_srgb8[SKY[2]], 1);
+    return sum / (SIDE * SIDE);
+}
+
+/* Amid the fade a crown hides as much of the sky as its forms do: neither denser nor thinner. Against a sky
+ * that is much brighter than leaves, what hides it is what covers. */
+static void check_cover(const struct sv_tree_mesh *mesh, const char *name, double allowed)
+{
+    static struct place place;
+    struct fixture_single s;
+    double worst = 0;
+    fixture_single_init(&s, mesh, &TREE);
+    double error_px = error_for(s.draw, 120), near_px = sv_tree_draw_near_px(s.draw, 0, error_px);
+    for (int k = 1; k < 8; k++) {
+        double come = k / 8.0;
+        draw_place(s.draw, error_px, near_px * (FADE_FROM + (1 - FADE_FROM) * come), &place);
+        double leaves = hidden(place.leaves), sprite = hidden(place.sprite), faded = hidden(place.faded);
+        double off = faded / (leaves * come + sprite * (1 - come)) - 1;
+        printf("%s, %.3f come: leaves hide %.4f, the sprite %.4f, both %.4f: %+.1f %%\n", name, come, leaves,
+               sprite, faded, 100 * off);
+        assert_true(leaves > 0.01);
+        worst = fmax(worst, fabs(off));
+    }
+    assert_true(worst <= allowed);
+    fixture_single_finish(&s);
+}
+
+static void a_tree_in_both_forms_covers_as_in_either(void **state)
+{
+    (void)state;
+    check_cover(&leafy, "leafy tree", 0.04);
+    check_cover(&bare, "bare tree", 0.08); /* thin twigs, that the sprite has wider */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(a_tree_comes_piece_by_piece),
+                                       cmocka_unit_test(a_tree_in_both_forms_covers_as_in_either),
                                        cmocka_unit_test(what_comes_far_away_changes_nothing_near)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -119,13 +119,13 @@ static struct sv_cull_entry *sorted(const struct sv_camera *camera, const struct
 }
 
 static void draw_trees(const struct sv_camera *camera, const struct sv_light *light,
-                       const struct sv_tree *trees, uint32_t count, const float *weights,
+                       const struct sv_tree *trees, uint32_t count, const float *shares,
                        struct sv_tree_lights lights, const struct sv_canvas *canvas)
 {
     struct sv_error error;
     struct sv_cull_entry *entries = sorted(camera, trees, count);
     struct sv_sprite_view view = {.camera = camera, .light = light};
-    struct sv_sprite_list list = {.entries = entries, .weights = weights, .count = count};
+    struct sv_sprite_list list = {.entries = entries, .shares = shares, .count = count};
     fixture_ok(sv_sprite_draw_trees(draw, &view, canvas, trees, &list, lights, &error), &error);
     free(entries);
 }
@@ -149,11 +149,11 @@ static void random_trees(struct sv_tree *trees, uint32_t count, double spread, u
 
 /* A picture of coverage: alpha of a tree over nothing. */
 static void coverage(const struct sv_camera *camera, const struct sv_tree *trees, uint32_t count,
-                     const float *weights, struct paper *p)
+                     const float *shares, struct paper *p)
 {
     struct sv_light light = fixture_light(130, 40);
     paper_make(p, camera->width, camera->height, 0, camera->height, false);
-    draw_trees(camera, &light, trees, count, weights, sunny, &p->canvas);
+    draw_trees(camera, &light, trees, count, shares, sunny, &p->canvas);
 }
 
 static double sum_alpha(const struct paper *p)
@@ -393,21 +393,30 @@ static void transmittance_multiplies(void **state)
     paper_free(&other);
 }
 
-static void weights_scale_coverage(void **state)
+/* What passes a share of the tree's leaves is what passes all of them, to that power. */
+static void shares_thin_out(void **state)
 {
     (void)state;
     struct sv_camera c = toward_lone(120, 10, 90, 128);
     struct paper whole, part, none;
-    const float some = 0.3f, zero = 0;
+    const float quarter = 0.25f, zero = 0;
     coverage(&c, &lone, 1, NULL, &whole);
-    coverage(&c, &lone, 1, &some, &part);
+    coverage(&c, &lone, 1, &quarter, &part);
     coverage(&c, &lone, 1, &zero, &none);
     assert_true(sum_alpha(&none) == 0);
-    for (int k = 3; k < 4 * 128 * 128; k += 4)
-        if (whole.canvas.color[k] < 240) /* else closed: up to 1/32 more */
-            assert_true(fabs(part.canvas.color[k] - 0.3 * whole.canvas.color[k]) <= 1);
+    int half = 0;
+    for (int k = 3; k < 4 * 128 * 128; k += 4) {
+        int all = whole.canvas.color[k], some = part.canvas.color[k];
+        double least = 255 * (1 - pow(1 - fmax(all - 1, 0) / 255, 0.25));
+        double most = 255 * (1 - pow(1 - fmin(all + 1, 255) / 255, 0.25));
+        half += all > 100 && all < 200;
+        if (all < 240) /* else closed: up to 1/32 more */
+            assert_true(some >= least - 1 && some <= most + 1);
         else
-            assert_in_range(part.canvas.color[k], 70, 77);
+            assert_true(some >= 255 * (1 - pow(15.0 / 255, 0.25)) - 1 &&
+                        some <= 255 * (1 - pow(0.75 / 16, 0.25)) + 1);
+    }
+    assert_true(half > 100);
     paper_free(&whole);
     paper_free(&part);
     paper_free(&none);
@@ -611,7 +620,7 @@ int main(void)
         cmocka_unit_test(kernels_are_equal),
         cmocka_unit_test(small_trees_keep_their_share),
         cmocka_unit_test(transmittance_multiplies),
-        cmocka_unit_test(weights_scale_coverage),
+        cmocka_unit_test(shares_thin_out),
         cmocka_unit_test(depth_hides),
         cmocka_unit_test(bands_join),
         cmocka_unit_test(hard_layers),

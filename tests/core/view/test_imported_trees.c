@@ -236,7 +236,7 @@ struct want {
 };
 
 /* Exact forms draw the same triangles at the same pixels but for rounding at their rims; `auto` draws leaves
- * at that size, beyond what it fades in (where a tree is in both forms, and denser than either). Sprites have
+ * at that size, beyond what it fades in. Sprites have
  * their ids where a pixel is covered by enough, so that the sum of coverage is kept: of small thin crowns to
  * a tenth (test_impostor's bound). Planes keep theirs each by itself, and leaves that are laid on two dozen
  * of them hide one another less than in the crown: a sixth more. */
