@@ -24,6 +24,7 @@ namespace
 {
 
 using decoder = enum sv_status (*)(const void *, size_t, struct sv_image *, struct sv_error *);
+using checker = enum sv_status (*)(const void *, size_t, struct sv_error *);
 
 struct Reader {
     const char *plugin;
@@ -32,6 +33,7 @@ struct Reader {
     size_t expansion; /* most bytes of pixels that a byte of file can hold: a broken header must not claim
                          more */
     decoder own;      /* ours; NULL: OpenImageIO's plugin */
+    checker check = nullptr; /* what the plugin takes on trust */
 };
 
 /* Deflate reaches 1030; what JPEG, WebP, EXR and LZW reach is not bounded by their format, but in practice.
@@ -46,7 +48,7 @@ const Reader readers[] = {
     {"tiff", "II+\0", 4, 0, DENSE, nullptr},
     {"tiff", "MM\0+", 4, 0, DENSE, nullptr},
     {"webp", "WEBP", 4, 8, 0, sv_webp_decode},
-    {"openexr", "\x76\x2f\x31\x01", 4, 0, DENSE, nullptr},
+    {"openexr", "\x76\x2f\x31\x01", 4, 0, DENSE, nullptr, sv_exr_check},
     {"sgi", "\x01\xda", 2, 0, 0, sv_sgi_decode},
     {"dds", "DDS ", 4, 0, 0, sv_dds_decode},
     {"bmp", "BM", 2, 0, 400, nullptr}, /* RLE8: 2 bytes, 255 pixels of 3 */
@@ -90,6 +92,9 @@ enum sv_status open_source(const void *bytes, size_t size, const char *extension
     source.size = size;
     if (reader->own)
         return SV_OK;
+    enum sv_status status = reader->check ? reader->check(bytes, size, error) : SV_OK;
+    if (status != SV_OK)
+        return status;
     source.input = ImageInput::create(reader->plugin);
     if (!source.input)
         return sv_fail(error, SV_EUNSUPPORTED, "image", "OpenImageIO has no reader for %s", reader->plugin);

@@ -1,5 +1,5 @@
 /* private.h - the parts of core/image among themselves: WebP by libwebp, our own readers of SGI, TGA and DDS,
- * tags added to a finished TIFF. */
+ * a look at headers of OpenEXR, tags added to a finished TIFF. */
 #ifndef SV_IMAGE_PRIVATE_H
 #define SV_IMAGE_PRIVATE_H
 
@@ -34,6 +34,10 @@ SV_MUST_CHECK enum sv_status sv_tga_decode(const void *bytes, size_t size, struc
  * SV_EFORMAT. */
 SV_MUST_CHECK enum sv_status sv_dds_decode(const void *bytes, size_t size, struct sv_image *image,
                                            struct sv_error *error);
+
+/* SV_EFORMAT when an attribute in the headers of an OpenEXR file (its magic is there) claims more bytes than follow it,
+ * or the headers do not end. Any other bytes are legal input. */
+SV_MUST_CHECK enum sv_status sv_exr_check(const void *bytes, size_t size, struct sv_error *error);
 
 /* Rewrites the directory of a classic little-endian TIFF (*bytes, from malloc, of *size bytes; may be moved):
  * takes the DateTime tag out, so that equal pictures give equal bytes, and adds GeoTIFF tags when geo is not

@@ -1,6 +1,7 @@
 /* test_decode.c - pictures into textures: palette, grey, 16 bits, TGA, SGI, DDS written byte by byte here,
  * averages against sums in double, and bytes that are no picture. */
 #include <math.h>
+#include <sys/resource.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -407,6 +408,55 @@ static void test_refused(void **state)
     assert_true(status == SV_EFORMAT || status == SV_ELIMIT);
 }
 
+static long peak_kb(void)
+{
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return usage.ru_maxrss;
+}
+
+/* What an attribute of OpenEXR claims is believed only where the file holds as much: no memory on its word.
+ */
+static void test_exr_claims(void **state)
+{
+    (void)state;
+    struct sv_image in = make(5, 3, 3, SV_PIXEL_F32), out;
+    memset(in.data, 0, sv_image_bytes(&in));
+    size_t size, at = 8;
+    struct sv_error e;
+    unsigned char *bytes = encode(&in, SV_FORMAT_EXR, &size);
+    int attributes = 0;
+    while (bytes[at]) {
+        at += strlen((char *)bytes + at) + 1;
+        const char *type = (char *)bytes + at;
+        at += strlen(type) + 1;
+        unsigned char kept[4];
+        uint32_t value;
+        memcpy(kept, bytes + at, 4);
+        memcpy(&value, bytes + at, 4); /* little-endian, as this machine */
+        if (strcmp(type, "string") == 0) {
+            long before = peak_kb();
+            memcpy(bytes + at, &(uint32_t){0x40000000}, 4);
+            assert_int_equal(sv_image_decode_bytes(bytes, size, NULL, 64, &out, NULL, &e), SV_EFORMAT);
+            assert_true(peak_kb() - before < 100 << 10);
+            attributes++;
+        }
+        for (int k = 0; k < 2; k++) { /* one byte more than there is */
+            memcpy(bytes + at, &(uint32_t){(uint32_t)(size - at - 4) + (k ? 1 : 0x80000000u)}, 4);
+            assert_int_equal(sv_image_decode_bytes(bytes, size, NULL, 64, &out, NULL, &e), SV_EFORMAT);
+        }
+        memcpy(bytes + at, kept, 4);
+        at += 4 + value;
+    }
+    assert_true(attributes > 0);
+    for (size_t cut = 4; cut <= at; cut++) /* headers that do not end */
+        assert_int_equal(sv_image_decode_bytes(bytes, cut, NULL, 64, &out, NULL, &e), SV_EFORMAT);
+    assert_int_equal(sv_image_decode_bytes(bytes, size, NULL, 64, &out, NULL, &e), SV_OK);
+    sv_image_free(&out);
+    sv_image_free(&in);
+    free(bytes);
+}
+
 /* Every truncation and 2000 flips of every format: an answer, never a crash; what decodes has the size it
  * claims. */
 static void test_damaged(void **state)
@@ -452,6 +502,7 @@ static int setup(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_exr_claims), /* first: it looks at the most memory that the process has had */
         cmocka_unit_test(test_png_kinds),     cmocka_unit_test(test_channels),
         cmocka_unit_test(test_other_formats), cmocka_unit_test(test_real_sgi),
         cmocka_unit_test(test_average),       cmocka_unit_test(test_float),
