@@ -410,5 +410,107 @@ class Patched(Warm):
             self.assertTrue(all(self.view(name).body == before[name] for name in before))
 
 
+class Refined(Warm):
+    """Panels that views keep coming back to, refined by workers that are idle. Where refining must be caught in the middle it
+    is held between two rows."""
+
+    settings = dict(Warm.settings, refine_samples=1)
+
+    def ask(self, d, times, size=64, **keys):
+        return [d.get(target(size=size, **keys)) for _ in range(times)][-1]
+
+    def until_refined(self, d):
+        until(lambda: d.metric("cells_jobs_refine") == 0, "panels are refined")
+
+    def states(self, d):
+        listed = json.loads(d.get("/v1/cells").body)
+        return [p["state"] for c in listed["cells"] for p in c["panels"]]
+
+    def test_places_that_are_looked_at_come_nearer_to_the_truth(self):
+        # Pictures from memory count, too, and do not stay when there are better ones.
+        d = self.start(picture_cache_mb=16, refine_samples=16)
+        truth = d.get(target(relief="off", quality="reference"))
+        first = self.ask(d, 2, 128)
+        self.assertEqual(cell(first)[2], "drawn")
+        self.assertEqual(d.metric("cells_jobs_refine"), 0, "not in demand yet")
+        self.ask(d, 1, 128)
+        self.until_refined(d)
+        better = self.ask(d, 1, 128)
+        self.assertEqual(cell(better), ("hit", cell(first)[1], "refined"))
+        self.assertLess(mean_difference(better.body, truth.body), mean_difference(first.body, truth.body))
+        self.assertEqual(self.states(d).count("refined"), d.metric("cells_refined_total"))
+        self.assertEqual(self.ask(d, 4, 128).body, better.body)
+        self.assertEqual(d.metric("cells_jobs_refine"), 0, "nothing is left to do")
+
+    def test_never_without_samples(self):
+        d = self.start(refine_samples=0)
+        self.assertEqual(cell(self.ask(d, 5))[2], "drawn")
+        self.assertEqual(d.metric("cells_jobs_refine"), 0)
+
+    def test_views_go_first(self):
+        d = self.start(workers=1)
+        d.hook("hold-refine")
+        first = self.ask(d, 3)
+        held = d.until_held()
+        self.assertEqual(self.states(d).count("building"), 1)
+        # The only worker is in the middle of a panel: views are answered all the same, and from what is built.
+        for _ in range(2):
+            again = self.ask(d, 1)
+            self.assertEqual((again.body, cell(again)[2]), (first.body, "drawn"))
+            self.assertEqual(d.until_held(), held)
+        self.assertEqual(self.ask(d, 1, x=120).status, 200)
+        self.assertEqual(self.states(d).count("building"), 1, "what is begun is kept")
+        self.assertEqual(d.metric("cells_refined_total"), 0)
+        d.unhook("hold-refine")
+        self.until_refined(d)
+        self.assertEqual(cell(self.ask(d, 1))[2], "refined")
+        self.assertEqual(d.metric("workers_died_total") + d.metric("workers_killed_total"), 0)
+
+    def test_a_worker_is_left_for_views(self):
+        d = self.start()
+        until(lambda: d.metric("workers") == 2, "two workers")
+        d.hook("hold-refine")
+        self.ask(d, 3)
+        held = d.until_held()
+        for x in (120, 160):
+            self.ask(d, 4, x=x)
+        self.assertEqual(d.held(), held, "one refines, one draws")
+        os.kill(held[0], signal.SIGKILL)
+        until(lambda: d.metric("workers") == 2, "it is replaced")
+        until(lambda: d.held() and d.held() != held, "another cell's turn")
+        self.assertEqual(self.states(d).count("building"), 1, "what the dead had begun is given back")
+        d.unhook("hold-refine")
+        self.until_refined(d)
+        self.assertEqual(self.states(d).count("building"), 0)
+
+    def test_patches(self):
+        """What can see a change is drawn anew, from the truth as it is then; the rest stays refined."""
+        d = self.start(workers=1)
+        for heading in (0, 180):
+            self.ask(d, 3, y=60, heading=heading)
+            self.until_refined(d)
+        south = self.ask(d, 1, y=60, heading=180)
+        self.assertEqual(cell(south)[2], "refined")
+        d.hook("hold-refine")
+        self.ask(d, 3, x=120)
+        old = d.until_held()
+        tree = {"trees": {"add": [{"x": 200, "y": 200, "species": "spruce", "height_m": 12}]}}
+        self.assertEqual(d.request("PATCH", "/v1/scene", json.dumps(tree), ADMIN).status, 200)
+        until(lambda: not os.path.exists("/proc/%d" % old[0]), "who refined the old scene is gone")
+        d.unhook("hold-refine")
+        again = self.ask(d, 1, y=60, heading=180)
+        self.assertEqual((cell(again)[0], cell(again)[2], again.body == south.body), ("hit", "refined", True))
+        self.assertEqual(cell(self.ask(d, 1, y=60))[::2], ("built", "drawn"))
+        self.ask(d, 3, y=60)
+        self.until_refined(d)
+        patched = self.ask(d, 1, y=60)
+        self.assertEqual(cell(patched)[2], "refined")
+        self.assertEqual(d.request("DELETE", "/v1/cells", headers=ADMIN).status, 204)
+        self.ask(d, 3, y=60)
+        self.until_refined(d)
+        self.assertTrue(self.ask(d, 1, y=60).body == patched.body)
+        self.assertNotIn("building", self.states(d))
+
+
 if __name__ == "__main__":
     unittest.main()
