@@ -251,6 +251,21 @@ static void leave_if_alone(struct sv_scene_process *process)
         end_process(process);
 }
 
+static uint64_t generation_of(const struct sv_scene_process *process)
+{
+    struct sv_cell_cache_stats stats = {0};
+    if (process->cells.cache)
+        sv_cell_cache_stats(process->cells.cache, &stats);
+    return stats.generation;
+}
+
+/* A successor that died may have dropped what its patch shows on: the serving scene may build it again. */
+static void give_back_cells(struct sv_scene_process *serving)
+{
+    if (serving && serving->cells.cache)
+        sv_cell_cache_turn_back(serving->cells.cache, serving->cells_generation);
+}
+
 static void becomes_serving(struct sv_scene_process *process, const struct sv_wire_ready *ready)
 {
     struct sv_scenes *scenes = process->all;
@@ -260,6 +275,7 @@ static void becomes_serving(struct sv_scene_process *process, const struct sv_wi
     process->epsg = ready->epsg;
     process->relief_distance_m = ready->relief_distance_m;
     process->load_ms = sv_loop_now_ms() - process->started_ms;
+    process->cells_generation = generation_of(process);
     scenes->serving = process;
     scenes->loading = NULL;
     scenes->has_served = true;
@@ -441,6 +457,7 @@ static void process_ended(struct sv_scene_process *process, int status)
         return;
     bool has_reasons = process->reasons.count > 0;
     if (was_loading && process->patch && !process->ready) {
+        give_back_cells(scenes->serving);
         if (!has_reasons)
             sv_errors_add(&process->reasons, SV_EINTERNAL, "", "%s", why);
         sv_log(SV_LOG_INFO, "patch refused", "%zu reasons, the first: %s: %s", process->reasons.total,

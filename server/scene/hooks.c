@@ -69,6 +69,16 @@ void sv_hooks_before_draw(int width)
     tell_held(false);
 }
 
+void sv_hooks_after_patch(void)
+{
+    char path[1200];
+    if (!hook_folder)
+        return;
+    path_of("crash-patch", path);
+    if (access(path, F_OK) == 0)
+        raise(SIGKILL);
+}
+
 bool sv_hooks_refining_held(void)
 {
     char path[1200];

@@ -7,6 +7,7 @@
  *                it is listed
  *   hold-refine  a worker that refines panels writes held-PID and waits between two rows, while the file is there and
  *                nothing is said to the worker
+ *   crash-patch  a successor kills itself when its patch is made, before it says so
  *   crash        lists picture widths: a worker that is to draw one kills itself with SIGKILL
  */
 #ifndef SV_SERVER_HOOKS_H
@@ -18,6 +19,7 @@
 void sv_hooks_init(const char *folder);
 void sv_hooks_before_load(void);
 void sv_hooks_before_draw(int width);
+void sv_hooks_after_patch(void);
 /* Whether refining is held; takes a moment then. */
 bool sv_hooks_refining_held(void);
 

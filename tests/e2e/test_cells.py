@@ -410,6 +410,21 @@ class Patched(Warm):
             self.assertTrue(all(self.view(name).body == before[name] for name in before))
 
 
+    def test_a_successor_that_dies_leaves_panels_to_the_old_scene(self):
+        self.d = self.start()
+        before = self.view("north")
+        self.d.hook("crash-patch")
+        body = json.dumps({"trees": {"add": [{"x": 200, "y": 200, "species": "spruce", "height_m": 12}]}})
+        self.assertEqual(self.d.request("PATCH", "/v1/scene", body, ADMIN).status, 500)
+        self.d.unhook("crash-patch")
+        again = self.view("north")
+        self.assertEqual((cell(again)[0], again.body == before.body), ("built", True), "the patch had dropped some")
+        self.assertEqual(cell(self.view("north"))[0], "hit", "and they are kept")
+        self.patch(json.loads(body))
+        self.assertEqual(cell(self.view("north"))[0], "built")
+        self.assertFalse(self.view("north").body == before.body)
+
+
 class Refined(Warm):
     """Panels that views keep coming back to, refined by workers that are idle. Where refining must be caught in the middle it
     is held between two rows."""
