@@ -307,7 +307,7 @@ const char *sv_api_cell_text(const struct sv_cell_use *cell, char *out, size_t s
     size_t used = (size_t)snprintf(out, size, "%s", kinds[kind]);
     if (kind == SV_CELL_USE_HIT || kind == SV_CELL_USE_BUILT)
         snprintf(out + used, size - used, "; id=%016" PRIx64 "; panels=%s", cell->id,
-                 cell->built == 0 && cell->refined == cell->hits ? "refined" : "drawn");
+                 sv_cell_use_refined(cell) ? "refined" : "drawn");
     return out;
 }
 

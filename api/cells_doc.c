@@ -77,6 +77,7 @@ char *sv_api_cells_doc(const struct sv_cells_facts *facts, size_t *bytes)
     sv_api_json_add_number(root, "misses", (double)s->misses, &good);
     sv_api_json_add_number(root, "evictions", (double)s->evictions, &good);
     sv_api_json_add_number(root, "jobs_ahead", (double)facts->ahead, &good);
+    sv_api_json_add_number(root, "jobs_refine", (double)facts->refine, &good);
     for (size_t k = 0; k < facts->cell_count; k++)
         sv_api_json_append(cells, cell(facts, &facts->cells[k], &good), &good);
     sv_api_json_add(root, "cells", cells, &good);

@@ -15,6 +15,7 @@ struct sv_cells_facts {
     const struct sv_cell_cache_item *items; /* that the cells' first and count speak of */
     struct sv_cell_cache_stats stats;
     size_t ahead; /* jobs that build ahead, waiting or running */
+    size_t refine; /* views whose panels are to be refined */
 };
 
 /* Heap text of *bytes bytes; NULL when out of memory. */

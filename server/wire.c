@@ -96,6 +96,8 @@ static void terminate_texts(union sv_wire_message *message)
         terminate_error(&message->drawn.error);
     if (message->head.type == SV_WIRE_BUILT)
         terminate_error(&message->built.error);
+    if (message->head.type == SV_WIRE_REFINED)
+        terminate_error(&message->refined.error);
 }
 
 static enum sv_status check(const union sv_wire_message *message, ssize_t got, int flags,

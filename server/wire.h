@@ -9,8 +9,8 @@
  * daemon -> scene   FORK (fd: the worker's end of a socketpair)
  * scene  -> daemon  CELLS (fd: memfd of relief panels, before READY), READY (fd: memfd with the facts as JSON),
  *                   or REASON ... REASON FAILED; FORKED (fd: pidfd), EXITED, FACTS (fd: memfd)
- * daemon -> worker  RESOLVE, VIEW (fd: slab), BUILD
- * worker -> daemon  RESOLVED, DRAWN, BUILT
+ * daemon -> worker  RESOLVE, VIEW (fd: slab), BUILD, REFINE, STOP
+ * worker -> daemon  RESOLVED, DRAWN, BUILT, REFINED
  *
  * A patch: daemon -> scene PATCH (fd: the successor's end of a socketpair), which is forked from the scene
  * process and told of by FOLLOWED; daemon -> successor PATCH_TEXT (fd: memfd with the body) over its own
@@ -27,7 +27,7 @@
 #include "core/view/timings.h"
 
 #define SV_WIRE_MAGIC UINT32_C(0x53565751)
-enum { SV_WIRE_VERSION = 2 };
+enum { SV_WIRE_VERSION = 3 };
 
 #define SV_WIRE_LIST(X)                                    \
     X(SV_WIRE_READY, struct sv_wire_ready, ready)          \
@@ -43,6 +43,9 @@ enum { SV_WIRE_VERSION = 2 };
     X(SV_WIRE_CELLS, struct sv_wire_cells, cells)          \
     X(SV_WIRE_BUILD, struct sv_wire_build, build)          \
     X(SV_WIRE_BUILT, struct sv_wire_built, built)          \
+    X(SV_WIRE_REFINE, struct sv_wire_refine, refine)       \
+    X(SV_WIRE_REFINED, struct sv_wire_refined, refined)    \
+    X(SV_WIRE_STOP, struct sv_wire_stop, stop)             \
     X(SV_WIRE_PATCH, struct sv_wire_patch, patch)          \
     X(SV_WIRE_FOLLOWED, struct sv_wire_followed, followed) \
     X(SV_WIRE_PATCH_TEXT, struct sv_wire_patch_text, text) \
@@ -159,6 +162,26 @@ struct sv_wire_built {
     uint32_t reserved;
     uint64_t own_bytes; /* as in sv_wire_drawn */
     struct sv_error error;
+};
+
+struct sv_wire_refine { /* panels that the view is drawn from, again from the ray-cast truth, one of them at most */
+    struct sv_wire_head head;
+    struct sv_view_request request;
+    int32_t samples; /* a texel */
+    uint32_t reserved;
+};
+
+struct sv_wire_refined {
+    struct sv_wire_head head;
+    uint32_t status; /* enum sv_status; error is set when it is not SV_OK */
+    uint32_t refined, left; /* panels; left: to be refined still */
+    uint32_t reserved;
+    uint64_t own_bytes; /* as in sv_wire_drawn */
+    struct sv_error error;
+};
+
+struct sv_wire_stop { /* the worker is wanted for something better than refining; has no answer of its own */
+    struct sv_wire_head head;
 };
 
 struct sv_wire_patch {

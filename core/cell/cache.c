@@ -374,6 +374,20 @@ size_t sv_cell_cache_drop_keys(struct sv_cell_cache *cache, uint64_t generation,
     return dropped;
 }
 
+void sv_cell_cache_turn_back(struct sv_cell_cache *cache, uint64_t generation)
+{
+    if (!lock(cache))
+        return;
+    for (uint32_t n = 0; n < cache->entry_count; n++) {
+        struct sv_cache_entry *e = sv_cache_entry(cache, n);
+        if (listed(e) && e->since > generation)
+            doom(cache, e);
+    }
+    if (generation < cache->generation)
+        cache->generation = generation;
+    unlock(cache);
+}
+
 size_t sv_cell_cache_clear(struct sv_cell_cache *cache)
 {
     size_t dropped = 0;

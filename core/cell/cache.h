@@ -136,6 +136,10 @@ size_t sv_cell_cache_drop(struct sv_cell_cache *cache, uint64_t generation, doub
 size_t sv_cell_cache_drop_keys(struct sv_cell_cache *cache, uint64_t generation, const uint64_t *keys,
                                size_t count);
 
+/* A change came to nothing: whoever made it died after dropping. The scene has that generation again; panels of later
+ * ones, if any, are dropped. */
+void sv_cell_cache_turn_back(struct sv_cell_cache *cache, uint64_t generation);
+
 /* Drops all that are there or being built, whatever their generation, which stays; returns how many. */
 size_t sv_cell_cache_clear(struct sv_cell_cache *cache);
 

@@ -265,11 +265,11 @@ static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool mus
 {
     struct sv_cell_cache_label label = label_of(f, s);
     enum sv_status status = SV_OK;
-    if (sv_cell_cache_find(c->options.cache, c->options.slot, label.key, c->scene->generation, now(c) * 1e-3,
-                           &s->pin) == SV_CELL_CACHE_HIT) {
+    bool hit = sv_cell_cache_find(c->options.cache, c->options.slot, label.key, c->scene->generation, now(c) * 1e-3,
+                                  &s->pin) == SV_CELL_CACHE_HIT;
+    if (hit) {
         s->held = HELD_SHARED;
         f->report->hits++;
-        f->report->refined += s->pin.refined;
     } else if (!f->build) {
         return sv_fail(error, SV_ENOENT, "relief", "a panel of the cell is missing");
     } else if (f->report->built >= f->most) {
@@ -277,7 +277,12 @@ static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool mus
     } else {
         status = build(c, f, &label, must, s, error);
     }
-    return status || s->held == HELD_NOT ? status : sv_panel_open(s->pin.data, s->pin.bytes, &s->panel, error);
+    if (status || s->held == HELD_NOT)
+        return status;
+    status = sv_panel_open(s->pin.data, s->pin.bytes, &s->panel, error);
+    if (!status && hit) /* one of less than full size shows nothing */
+        f->report->refined += s->pin.refined || s->panel.about.size < f->size;
+    return status;
 }
 
 static void want(struct sv_cells *c, const struct frame *f, int ring, double distance_m, unsigned layer)

@@ -36,7 +36,7 @@ void sv_cells_destroy(struct sv_cells *cells); /* NULL is legal */
 struct sv_cells_report {
     uint64_t id;           /* of the eye's innermost cell; stays while the eye does */
     uint32_t hits, built;  /* panels: that were there, that were built for this view */
-    uint32_t refined;      /* of hits */
+    uint32_t refined;      /* of hits; panels that show nothing are as good as refined */
     uint64_t hole_pixels;  /* of the ground before filling */
     uint64_t holes_left;   /* ... and after */
     uint32_t left;         /* panels that are missing still (sv_cells_build) */

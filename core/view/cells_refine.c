@@ -141,7 +141,7 @@ enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner, const struct sv
     for (int k = 0; k < count && !status; k++) {
         if (!is_built(r, &panels[k], &size))
             continue;
-        going = going && !(options->stop && options->stop(options->context));
+        going = going && report->refined < options->most;
         if (going)
             status = begin(r, &panels[k], size, options, error);
         if (going && !status && r->refinement) {

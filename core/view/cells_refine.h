@@ -26,16 +26,17 @@ void sv_cells_refiner_drop(struct sv_cells_refiner *refiner);
 struct sv_cells_refine_options {
     int samples;                 /* a texel: 1, 4, 16, 64 */
     int scale;                   /* texels of a refined panel to one of a built one, along a side, >= 1 */
-    bool (*stop)(void *context); /* polled before each panel and after each row; NULL: never */
+    uint32_t most;               /* panels to make whole */
+    bool (*stop)(void *context); /* polled after each row: a call gets on by a row at least; NULL: never */
     void *context;
 };
 struct sv_cells_refine_report {
     uint32_t refined; /* panels that are whole now */
-    uint32_t left;    /* that stopping left */
+    uint32_t left;    /* that are to be refined still, but for those that others refine now */
 };
 
 /* Refines the panels of the view that are built and not refined yet, nearest ring first, until all are or
- * `stop` is true. Panels that are missing, that show nothing, or for which the cache has no room now are
+ * as many as is said, or `stop` is true. Panels that are missing, that show nothing, or for which the cache has no room now are
  * passed over. */
 SV_MUST_CHECK enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner,
                                              const struct sv_resolved_view *view,

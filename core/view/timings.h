@@ -5,6 +5,7 @@
 #ifndef SV_VIEW_TIMINGS_H
 #define SV_VIEW_TIMINGS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #define SV_STAGE_LIST(X)               \
@@ -45,10 +46,16 @@ enum sv_cell_use_kind {
 struct sv_cell_use {
     uint32_t kind;    /* enum sv_cell_use_kind. bypass: panels could have served, but it was drawn directly */
     uint32_t hits;    /* panels that were there, */
-    uint32_t refined; /* of these refined ones, */
+    uint32_t refined; /* of these refined ones, or such as show nothing, */
     uint32_t built;   /* and those that were built for it */
     uint64_t id;      /* of the cell; 0 with none */
 };
+
+/* Whether all panels were refined ones. */
+static inline bool sv_cell_use_refined(const struct sv_cell_use *use)
+{
+    return use->built == 0 && use->refined == use->hits;
+}
 
 struct sv_draw_stats {
     uint32_t terrain_triangles;

@@ -28,9 +28,10 @@ static struct sv_cell_cache *cache_of(const struct sv_service *service)
     return service->scenes.serving ? service->scenes.serving->cells.cache : NULL;
 }
 
-static char *list(struct sv_cell_cache *cache, size_t ahead, size_t *bytes)
+static char *list(const struct sv_service *service, size_t *bytes)
 {
-    struct sv_cells_facts facts = {.ahead = ahead};
+    struct sv_cell_cache *cache = cache_of(service);
+    struct sv_cells_facts facts = {.ahead = service->ahead.count, .refine = sv_refine_count(&service->refine)};
     struct sv_cell_cache_item *items = NULL;
     struct sv_cell_listed *cells = NULL;
     size_t room = 0, count = 0;
@@ -55,8 +56,7 @@ void sv_cells_page_list(struct sv_service *service, struct sv_exchange *exchange
 {
     size_t bytes;
     if (has_scene(service, exchange))
-        sv_reply_document(exchange, "application/json", NULL,
-                          list(cache_of(service), service->ahead.count, &bytes));
+        sv_reply_document(exchange, "application/json", NULL, list(service, &bytes));
 }
 
 void sv_cells_page_drop(struct sv_service *service, struct sv_exchange *exchange)
@@ -138,4 +138,5 @@ void sv_cells_measure(struct sv_service *service)
     m->gauge[SV_GAUGE_CELL_BYTES] = (double)s.used_bytes;
     m->gauge[SV_GAUGE_CELL_BUDGET] = (double)s.budget_bytes;
     m->gauge[SV_GAUGE_CELL_AHEAD] = (double)service->ahead.count;
+    m->gauge[SV_GAUGE_CELL_REFINE] = (double)sv_refine_count(&service->refine);
 }

@@ -139,6 +139,16 @@ void sv_lru_remove(struct sv_lru *lru, const char *key)
         drop(lru, at);
 }
 
+void sv_lru_remove_all(struct sv_lru *lru, bool (*goes)(const void *value, const void *context), const void *context)
+{
+    for (size_t k = 0; k < lru->bucket_count; k++)
+        for (struct entry **at = &lru->buckets[k]; *at;)
+            if (goes((*at)->value, context))
+                drop(lru, at);
+            else
+                at = &(*at)->next;
+}
+
 void sv_lru_clear(struct sv_lru *lru)
 {
     while (lru->oldest)

@@ -22,6 +22,8 @@ bool sv_lru_put(struct sv_lru *lru, const char *key, void *value, uint64_t cost)
 /* The value, now the most recently used; NULL when absent. Borrowed until the next put or remove. */
 void *sv_lru_get(struct sv_lru *lru, const char *key);
 void sv_lru_remove(struct sv_lru *lru, const char *key);
+/* Removes every value for which `goes` is true. */
+void sv_lru_remove_all(struct sv_lru *lru, bool (*goes)(const void *value, const void *context), const void *context);
 void sv_lru_clear(struct sv_lru *lru);
 
 size_t sv_lru_count(const struct sv_lru *lru);

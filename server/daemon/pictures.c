@@ -90,6 +90,17 @@ struct sv_picture_bytes *sv_pictures_find(struct sv_pictures *pictures, const ch
     return picture ? sv_picture_ref(picture) : NULL;
 }
 
+static bool is_coarse(const void *value, const void *context)
+{
+    const struct sv_cell_use *cell = &((const struct sv_picture_bytes *)value)->cell;
+    return cell->id == *(const uint64_t *)context && !sv_cell_use_refined(cell);
+}
+
+void sv_pictures_outdate(struct sv_pictures *pictures, uint64_t cell)
+{
+    sv_lru_remove_all(pictures->lru, is_coarse, &cell);
+}
+
 size_t sv_pictures_count(const struct sv_pictures *pictures)
 {
     return sv_lru_count(pictures->lru);

@@ -36,6 +36,8 @@ void sv_pictures_destroy(struct sv_pictures *pictures);
 void sv_pictures_keep(struct sv_pictures *pictures, const char *etag, const struct sv_picture_bytes *picture);
 /* A new reference, or NULL. */
 struct sv_picture_bytes *sv_pictures_find(struct sv_pictures *pictures, const char *etag);
+/* Forgets those that were drawn from that cell and not from refined panels alone. */
+void sv_pictures_outdate(struct sv_pictures *pictures, uint64_t cell);
 size_t sv_pictures_count(const struct sv_pictures *pictures);
 uint64_t sv_pictures_bytes(const struct sv_pictures *pictures);
 

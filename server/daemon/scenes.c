@@ -244,11 +244,26 @@ static void end_process(struct sv_scene_process *process)
         close_control(process);
 }
 
-/* An old scene has done its last job: it may go. */
-static void leave_if_idle(struct sv_scene_process *process)
+/* The last worker of an old scene is gone, and what it held of the panels is free: the scene has nothing to save. */
+static void leave_if_alone(struct sv_scene_process *process)
 {
-    if (process->leaving && sv_crew_busy(&process->crew) == 0)
-        end_process(process); /* it has nothing to save, and takes its idle workers along */
+    if (process->leaving && !process->crew.workers)
+        end_process(process);
+}
+
+static uint64_t generation_of(const struct sv_scene_process *process)
+{
+    struct sv_cell_cache_stats stats = {0};
+    if (process->cells.cache)
+        sv_cell_cache_stats(process->cells.cache, &stats);
+    return stats.generation;
+}
+
+/* A successor that died may have dropped what its patch shows on: the serving scene may build it again. */
+static void give_back_cells(struct sv_scene_process *serving)
+{
+    if (serving && serving->cells.cache)
+        sv_cell_cache_turn_back(serving->cells.cache, serving->cells_generation);
 }
 
 static void becomes_serving(struct sv_scene_process *process, const struct sv_wire_ready *ready)
@@ -260,6 +275,7 @@ static void becomes_serving(struct sv_scene_process *process, const struct sv_wi
     process->epsg = ready->epsg;
     process->relief_distance_m = ready->relief_distance_m;
     process->load_ms = sv_loop_now_ms() - process->started_ms;
+    process->cells_generation = generation_of(process);
     scenes->serving = process;
     scenes->loading = NULL;
     scenes->has_served = true;
@@ -275,7 +291,7 @@ static void becomes_serving(struct sv_scene_process *process, const struct sv_wi
     if (old) {
         old->leaving = true;
         sv_crew_dismiss(&old->crew);
-        leave_if_idle(old);
+        leave_if_alone(old);
     }
 }
 
@@ -352,7 +368,7 @@ static void take_message(struct sv_scene_process *process, const union sv_wire_m
         break;
     case SV_WIRE_EXITED:
         sv_crew_exited(&process->crew, &message->exited);
-        leave_if_idle(process);
+        leave_if_alone(process);
         break;
     case SV_WIRE_FOLLOWED:
         on_followed(process->all, &message->followed);
@@ -373,6 +389,9 @@ static void take_message(struct sv_scene_process *process, const union sv_wire_m
     case SV_WIRE_DRAWN:
     case SV_WIRE_BUILD:
     case SV_WIRE_BUILT:
+    case SV_WIRE_REFINE:
+    case SV_WIRE_REFINED:
+    case SV_WIRE_STOP:
     case SV_WIRE_TYPE_COUNT:
         sv_log(SV_LOG_ERROR, "scene process", "process %d said what only others say", (int)process->pid);
         end_process(process);
@@ -438,6 +457,7 @@ static void process_ended(struct sv_scene_process *process, int status)
         return;
     bool has_reasons = process->reasons.count > 0;
     if (was_loading && process->patch && !process->ready) {
+        give_back_cells(scenes->serving);
         if (!has_reasons)
             sv_errors_add(&process->reasons, SV_EINTERNAL, "", "%s", why);
         sv_log(SV_LOG_INFO, "patch refused", "%zu reasons, the first: %s: %s", process->reasons.total,

@@ -31,6 +31,7 @@ struct sv_scene_process {
     double relief_distance_m;
     char *facts; /* JSON text, heap */
     struct sv_cells_memory cells; /* panels that its workers share; the cache is NULL where there are none */
+    uint64_t cells_generation;    /* that they had when it began to serve */
     double started_ms, load_ms;
     struct sv_errors reasons;
     struct sv_crew crew;

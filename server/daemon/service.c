@@ -280,7 +280,7 @@ enum sv_status sv_service_start(struct sv_service *service, const struct sv_sett
     static const struct sv_scenes_events scenes_events = {on_serving, on_failed, on_lost};
     static const struct sv_crew_events crew_events = {
         .idle = sv_views_idle, .resolved = sv_views_resolved, .drawn = sv_views_drawn, .lost = sv_views_lost,
-        .built = sv_ahead_built, .build_lost = sv_ahead_lost};
+        .built = sv_ahead_built, .build_lost = sv_ahead_lost, .refined = sv_refine_done, .refine_lost = sv_refine_lost};
     service->settings = settings;
     service->started_ms = sv_loop_now_ms();
     service->signal_fd = -1;
@@ -288,6 +288,7 @@ enum sv_status sv_service_start(struct sv_service *service, const struct sv_sett
         (struct sv_api_view_limits){.pixels_max = (uint64_t)settings->max_pixels,
                                     .sample_pixels_max = (uint64_t)settings->max_samples_pixels};
     service->pump = (struct sv_timer){.due = sv_views_pump, .context = service};
+    sv_refine_init(service);
     service->drain_look = (struct sv_timer){.due = look_at_drain, .context = service};
     raise_descriptor_limit(settings);
     enum sv_status status = sv_loop_create(&service->loop, error);
@@ -324,6 +325,7 @@ void sv_service_stop(struct sv_service *service)
     sv_http_destroy(service->http);
     sv_scenes_finish(&service->scenes);
     sv_ahead_clear(service);
+    sv_refine_clear(service);
     if (service->loop) {
         sv_loop_unwatch(service->loop, service->signal_watch);
         sv_loop_disarm(service->loop, &service->pump);

@@ -15,6 +15,7 @@
 #include "server/daemon/metrics.h"
 #include "server/daemon/pictures.h"
 #include "server/daemon/queue.h"
+#include "server/daemon/refine.h"
 #include "server/daemon/scenes.h"
 #include "server/daemon/settings.h"
 #include "server/slab.h"
@@ -28,6 +29,7 @@ struct sv_service {
     struct sv_queue queue;
     struct sv_flights flights;
     struct sv_ahead ahead;
+    struct sv_refine refine;
     struct sv_memo *memo;
     struct sv_pictures *pictures;
     struct sv_slab_pool *slabs;

@@ -54,6 +54,9 @@ static const struct setting table[] = {
           "memory for pictures on their way from workers to clients"),
     WHOLE(cells_bytes, "bytes", "1073741824", 0, INT64_C(1) << 40,
           "memory for relief panels of cells, which workers share; 0 draws every view directly"),
+    TEXT(refine_samples, "16", "|0|1|4|16|64|",
+         "rays a texel of relief panels that views keep coming back to, which idle workers draw again from the "
+         "ray-cast truth: 0 (never), 1, 4, 16 or 64"),
     WHOLE(resolve_cache_entries, "views", "65536", 0, 1 << 24, "resolved cameras remembered"),
     WHOLE(queue_limit, "jobs", "64", 1, 1 << 20, "jobs that may wait; one more is answered 503"),
     WHOLE(deadline_ms, "ms", "60000", 1, 86400000,

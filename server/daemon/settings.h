@@ -23,6 +23,7 @@ struct sv_settings {
     char cache_dir[SV_SETTING_TEXT_MAX];
     int64_t cache_budget_mb, picture_cache_mb, slab_budget_mb, resolve_cache_entries;
     int64_t cells_bytes;
+    char refine_samples[8]; /* digits */
     int64_t queue_limit, deadline_ms, deadline_max_ms, drain_ms;
     int64_t max_pixels, max_samples_pixels, max_body_bytes, max_url_bytes, max_header_bytes;
     int64_t connections, connections_per_address;

@@ -215,6 +215,8 @@ static bool answer_without_drawing(struct view_task *task, uint64_t version,
         return false;
     sv_metrics_count(&task->service->metrics, SV_COUNT_PICTURE_HIT);
     task->cache = SV_CACHE_HIT;
+    sv_refine_seen(task->service, &task->request, &picture->cell);
+    sv_views_pump_soon(task->service);
     answer_picture(task, resolved, etag, picture, NULL);
     sv_picture_unref(picture);
     return true;
@@ -542,6 +544,7 @@ void sv_views_pump(void *context)
             return;
     }
     sv_ahead_pump(service);
+    sv_refine_pump(service);
 }
 
 void sv_views_pump_soon(struct sv_service *service)
@@ -626,6 +629,7 @@ void sv_views_drawn(void *context, void *work, const struct sv_wire_drawn *answe
     picture->cell = answer->stats.cell;
     if (picture->cell.kind == SV_CELL_USE_BUILT || picture->cell.kind == SV_CELL_USE_HIT)
         sv_ahead_seen(service, &flight->request, &flight->resolved);
+    sv_refine_seen(service, &flight->request, &picture->cell);
     flight_drawn(service, flight, picture, &answer->timings);
     sv_picture_unref(picture);
 }

@@ -145,12 +145,16 @@ static void take_answer(struct sv_worker *worker, const union sv_wire_message *m
         worker->own_bytes = message->drawn.own_bytes;
     } else if (worker->awaits == SV_WIRE_BUILT) {
         worker->own_bytes = message->built.own_bytes;
+    } else if (worker->awaits == SV_WIRE_REFINED) {
+        worker->own_bytes = message->refined.own_bytes;
     }
     job_done(worker);
     if (message->head.type == SV_WIRE_DRAWN)
         events->drawn(events->context, work, &message->drawn, slab, job);
     else if (message->head.type == SV_WIRE_BUILT)
         events->built(events->context, work, &message->built);
+    else if (message->head.type == SV_WIRE_REFINED)
+        events->refined(events->context, work, &message->refined);
     else
         events->resolved(events->context, work, &message->resolved);
     events->idle(events->context);
@@ -226,7 +230,7 @@ void sv_crew_start(struct sv_crew *crew, int control_fd)
     refill(crew);
 }
 
-static struct sv_worker *find_id(struct sv_crew *crew, uint64_t id)
+struct sv_worker *sv_crew_find(struct sv_crew *crew, uint64_t id)
 {
     struct sv_worker *w = crew->workers;
     while (w && w->id != id)
@@ -237,7 +241,7 @@ static struct sv_worker *find_id(struct sv_crew *crew, uint64_t id)
 void sv_crew_forked(struct sv_crew *crew, const struct sv_wire_forked *message, int pidfd)
 {
     struct sv_error error;
-    struct sv_worker *worker = find_id(crew, message->head.id);
+    struct sv_worker *worker = sv_crew_find(crew, message->head.id);
     if (!worker || pidfd < 0) {
         if (pidfd >= 0)
             close(pidfd);
@@ -272,6 +276,8 @@ static void work_lost(struct sv_crew *crew, enum sv_wire_type awaited, void *wor
     const struct sv_crew_events *events = &crew->options.events;
     if (work && awaited == SV_WIRE_BUILT)
         events->build_lost(events->context, work);
+    else if (work && awaited == SV_WIRE_REFINED)
+        events->refine_lost(events->context, work);
     else if (work)
         events->lost(events->context, work, by_itself);
 }
@@ -301,6 +307,27 @@ void sv_crew_exited(struct sv_crew *crew, const struct sv_wire_exited *message)
     work_lost(crew, awaited, work, true);
 }
 
+static void stop(struct sv_worker *worker)
+{
+    union sv_wire_message message;
+    struct sv_error error;
+    if (worker->state != SV_WORKER_BUSY || worker->awaits != SV_WIRE_REFINED || worker->stopped)
+        return;
+    sv_wire_init(&message, SV_WIRE_STOP, worker->job);
+    worker->stopped = sv_wire_send(worker->fd, &message, -1, &error) == SV_OK;
+    if (!worker->stopped)
+        worker_lost(worker, error.message);
+}
+
+void sv_crew_stop(struct sv_crew *crew, const void *work)
+{
+    struct sv_worker *w = crew->workers;
+    while (w && w->work != work)
+        w = w->next;
+    if (w)
+        stop(w);
+}
+
 void sv_crew_dismiss(struct sv_crew *crew)
 {
     crew->dismissed = true;
@@ -308,6 +335,8 @@ void sv_crew_dismiss(struct sv_crew *crew)
     for (struct sv_worker *w = crew->workers; w; w = w->next)
         if (w->state == SV_WORKER_IDLE || w->state == SV_WORKER_FORKING)
             leave(w);
+        else
+            stop(w);
 }
 
 void sv_crew_abandon(struct sv_crew *crew)
@@ -369,6 +398,7 @@ static bool hand_over(struct sv_worker *worker, const union sv_wire_message *mes
     worker->state = SV_WORKER_BUSY;
     worker->job = message->head.id;
     worker->awaits = awaits;
+    worker->stopped = false;
     worker->slab = slab;
     worker->work = work;
     return true;
@@ -401,6 +431,15 @@ bool sv_worker_build(struct sv_worker *worker, const struct sv_view_request *req
     message.build.request = *request;
     message.build.most = most;
     return hand_over(worker, &message, SV_WIRE_BUILT, NULL, work);
+}
+
+bool sv_worker_refine(struct sv_worker *worker, const struct sv_view_request *request, int samples, void *work)
+{
+    union sv_wire_message message;
+    sv_wire_init(&message, SV_WIRE_REFINE, next_id++);
+    message.refine.request = *request;
+    message.refine.samples = samples;
+    return hand_over(worker, &message, SV_WIRE_REFINED, NULL, work);
 }
 
 void sv_crew_kill(struct sv_crew *crew, const void *work, const char *why)

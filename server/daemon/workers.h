@@ -38,6 +38,7 @@ struct sv_worker {
     struct sv_watch *fd_watch, *pid_watch;
     uint64_t job; /* BUSY: its id, and the type of message that answers it */
     enum sv_wire_type awaits;
+    bool stopped; /* BUSY: it was told to */
     void *work;
     struct sv_slab *slab; /* BUSY with a view */
     uint64_t views, own_bytes;
@@ -53,6 +54,9 @@ struct sv_crew_events {
     /* Of sv_worker_build; the work that it is about is another one than that of the others. */
     void (*built)(void *context, void *work, const struct sv_wire_built *answer);
     void (*build_lost)(void *context, void *work);
+    /* Of sv_worker_refine, likewise. */
+    void (*refined)(void *context, void *work, const struct sv_wire_refined *answer);
+    void (*refine_lost)(void *context, void *work);
     /* The worker died; by_itself: not because its scene process did. */
     void (*lost)(void *context, void *work, bool by_itself);
 };
@@ -80,7 +84,7 @@ void sv_crew_start(struct sv_crew *crew, int control_fd);
 /* What the scene process said about one of them. pidfd is taken (-1: none). */
 void sv_crew_forked(struct sv_crew *crew, const struct sv_wire_forked *message, int pidfd);
 void sv_crew_exited(struct sv_crew *crew, const struct sv_wire_exited *message);
-/* No new work is coming: idle workers leave now, busy ones after their job. */
+/* No new work is coming: idle workers leave now, busy ones after their job; who refines is told to stop. */
 void sv_crew_dismiss(struct sv_crew *crew);
 /* The scene process is gone: kills and forgets all; `lost` is called for what they were doing (not by
  * itself). */
@@ -88,6 +92,7 @@ void sv_crew_abandon(struct sv_crew *crew);
 
 /* An idle one, or NULL. */
 struct sv_worker *sv_crew_idle(struct sv_crew *crew);
+struct sv_worker *sv_crew_find(struct sv_crew *crew, uint64_t id); /* NULL: gone */
 size_t sv_crew_alive(const struct sv_crew *crew); /* forked and not leaving */
 size_t sv_crew_busy(const struct sv_crew *crew);
 uint64_t sv_crew_own_bytes(const struct sv_crew *crew);
@@ -100,6 +105,10 @@ bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *requ
                     const struct sv_resolved_view *view, int epsg, struct sv_slab *slab, void *work);
 /* Builds at most `most` of the panels that the view would be drawn from. */
 bool sv_worker_build(struct sv_worker *worker, const struct sv_view_request *request, uint32_t most, void *work);
+/* Refines one of the panels that the view is drawn from, or goes on with one that was stopped. */
+bool sv_worker_refine(struct sv_worker *worker, const struct sv_view_request *request, int samples, void *work);
+/* Tells the worker that refines to stop: it answers within a row of texels. */
+void sv_crew_stop(struct sv_crew *crew, const void *work);
 /* Kills the worker that has this work, which is forgotten: no event follows. */
 void sv_crew_kill(struct sv_crew *crew, const void *work, const char *why);
 

@@ -17,6 +17,7 @@
 #include "core/relief/draw_object.h"
 #include "core/scene/scene.h"
 #include "core/tree/draw.h"
+#include "core/view/cells_refine.h"
 #include "core/view/direct.h"
 #include "core/view/renderer.h"
 #include "core/view/resolve.h"
@@ -341,6 +342,25 @@ enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view
     enum sv_status status = sv_view_resolve(backend->scene, request, &view, NULL, error);
     if (status == SV_OK)
         status = sv_renderer_build_cells(backend->renderer, request, &view, most, built, left, error);
+    return status;
+}
+
+enum sv_status sv_backend_refine(struct sv_backend *backend, const struct sv_view_request *request,
+                                 const struct sv_backend_refine_options *options, uint32_t *refined,
+                                 uint32_t *left, struct sv_error *error)
+{
+    struct sv_resolved_view view;
+    struct sv_cells_refine_report report;
+    /* As large as they are: a place that is often seen costs no more memory than others. */
+    struct sv_cells_refine_options how = {
+        .samples = options->samples, .scale = 1, .most = 1, .stop = options->stop, .context = options->context};
+    enum sv_status status = sv_view_resolve(backend->scene, request, &view, NULL, error);
+    if (status == SV_OK)
+        status = sv_renderer_refine_cells(backend->renderer, request, &view, &how, &report, error);
+    if (status == SV_OK) {
+        *refined = report.refined;
+        *left = report.left;
+    }
     return status;
 }
 

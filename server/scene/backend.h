@@ -54,6 +54,16 @@ void sv_backend_use_slot(struct sv_backend *backend, int slot);
 SV_MUST_CHECK enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view_request *request,
                                               uint32_t most, uint32_t *built, uint32_t *left,
                                               struct sv_error *error);
+/* Refines one of the panels that the view is drawn from (core/view/cells_refine.h), or goes on with one: *refined: 1 when
+ * it is whole; *left: panels to be refined still. */
+struct sv_backend_refine_options {
+    int samples;                 /* a texel */
+    bool (*stop)(void *context); /* polled after each row */
+    void *context;
+};
+SV_MUST_CHECK enum sv_status sv_backend_refine(struct sv_backend *backend, const struct sv_view_request *request,
+                                               const struct sv_backend_refine_options *options, uint32_t *refined,
+                                               uint32_t *left, struct sv_error *error);
 /* The form of trees that drawing the view has to build first, for seconds, and that could be built beside it:
  * 0: none. */
 int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view);

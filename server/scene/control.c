@@ -20,6 +20,7 @@
 #include <unistd.h>
 
 #include "server/log.h"
+#include "server/scene/hooks.h"
 #include "server/scene/worker.h"
 #include "server/wire.h"
 
@@ -290,6 +291,7 @@ static bool patch(struct sv_backend *backend, int control_fd)
     }
     free(text);
     sv_errors_finish(&errors);
+    sv_hooks_after_patch();
     sv_wire_init(&message, SV_WIRE_PATCHED, 0);
     message.patched.ms = now_ms() - start;
     message.patched.change = change;

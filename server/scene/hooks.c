@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <signal.h>
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,21 +45,49 @@ void sv_hooks_before_load(void)
         nanosleep(&look_again, NULL);
 }
 
-void sv_hooks_before_draw(int width)
+static void tell_held(bool held)
 {
     char path[1200], name[32];
+    snprintf(name, sizeof name, "held-%d", (int)getpid());
+    path_of(name, path);
+    int fd = held ? open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600) : unlink(path);
+    if (held && fd >= 0)
+        close(fd);
+}
+
+void sv_hooks_before_draw(int width)
+{
     if (!hook_folder)
         return;
     if (is_listed("crash", width))
         raise(SIGKILL);
     if (!is_listed("hold", width))
         return;
-    snprintf(name, sizeof name, "held-%d", (int)getpid());
-    path_of(name, path);
-    int fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
-    if (fd >= 0)
-        close(fd);
+    tell_held(true);
     while (is_listed("hold", width))
         nanosleep(&look_again, NULL);
-    unlink(path);
+    tell_held(false);
+}
+
+void sv_hooks_after_patch(void)
+{
+    char path[1200];
+    if (!hook_folder)
+        return;
+    path_of("crash-patch", path);
+    if (access(path, F_OK) == 0)
+        raise(SIGKILL);
+}
+
+bool sv_hooks_refining_held(void)
+{
+    char path[1200];
+    if (!hook_folder)
+        return false;
+    path_of("hold-refine", path);
+    bool held = access(path, F_OK) == 0;
+    tell_held(held);
+    if (held)
+        nanosleep(&look_again, NULL);
+    return held;
 }

@@ -1,6 +1,7 @@
 #include "server/scene/worker.h"
 
 #include <ctype.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -98,6 +99,26 @@ static void do_build(struct sv_backend *backend, const struct sv_wire_build *job
     out->own_bytes = own_bytes();
 }
 
+/* Whether anything is said to this worker, a stop or the end. */
+static bool is_called(void *context)
+{
+    struct pollfd polled = {.fd = *(const int *)context, .events = POLLIN};
+    bool called;
+    while (!(called = poll(&polled, 1, 0) != 0) && sv_hooks_refining_held())
+        ;
+    return called;
+}
+
+static void do_refine(struct sv_backend *backend, const struct sv_wire_refine *job, int fd, union sv_wire_message *answer)
+{
+    struct sv_wire_refined *out = &answer->refined;
+    struct sv_backend_refine_options options = {.samples = job->samples, .stop = is_called, .context = &fd};
+    sv_wire_init(answer, SV_WIRE_REFINED, job->head.id);
+    out->status =
+        (uint32_t)sv_backend_refine(backend, &job->request, &options, &out->refined, &out->left, &out->error);
+    out->own_bytes = own_bytes();
+}
+
 /* One job; false when the socket is closed or broken. */
 static bool serve_one(struct sv_backend *backend, int fd, int lacks_fd)
 {
@@ -113,10 +134,14 @@ static bool serve_one(struct sv_backend *backend, int fd, int lacks_fd)
         do_view(backend, &job.view, slab_fd, lacks_fd, &answer);
     else if (job.head.type == SV_WIRE_BUILD)
         do_build(backend, &job.build, &answer);
-    else
+    else if (job.head.type == SV_WIRE_REFINE)
+        do_refine(backend, &job.refine, fd, &answer);
+    else if (job.head.type != SV_WIRE_STOP)
         status = SV_EFORMAT;
     if (slab_fd >= 0)
         close(slab_fd);
+    if (job.head.type == SV_WIRE_STOP) /* what it is about is done */
+        return true;
     return status == SV_OK && sv_wire_send(fd, &answer, -1, &error) == SV_OK;
 }
 

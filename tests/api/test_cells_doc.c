@@ -65,14 +65,15 @@ static void document(void **state)
         .cell_count = 1,
         .items = items,
         .stats = {.budget_bytes = 1 << 20, .used_bytes = 12288, .panels = 1, .building = 1, .evictions = 9},
-        .ahead = 3};
+        .ahead = 3,
+        .refine = 2};
     size_t bytes;
     char *printed = sv_api_cells_doc(&facts, &bytes);
     cJSON *root = parsed(printed, bytes);
     assert_true(number(root, "budget_bytes") == 1 << 20 && number(root, "used_bytes") == 12288);
     assert_true(number(root, "panels") == 1 && number(root, "building") == 1 &&
                 number(root, "evictions") == 9);
-    assert_true(number(root, "jobs_ahead") == 3);
+    assert_true(number(root, "jobs_ahead") == 3 && number(root, "jobs_refine") == 2);
     const cJSON *c = cJSON_GetArrayItem(at(root, "cells"), 0);
     assert_string_equal(text(c, "id"), "0000000000000010");
     assert_true(cJSON_GetNumberValue(cJSON_GetArrayItem(at(c, "centre"), 2)) == 3);

@@ -102,6 +102,7 @@ class Daemon:
             "admin_token": TOKEN,
             "workers": 2,
             "log_level": "debug",
+            "refine_samples": 0,  # pictures stay as they are
         }
         keys.update(settings)
         command = [DAEMON] + ["--%s=%s" % (k.replace("_", "-"), v) for k, v in keys.items()]

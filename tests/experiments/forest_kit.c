@@ -205,7 +205,7 @@ uint32_t forest_refine(const struct forest *forest, const struct sv_view_request
 {
     struct sv_error error = {0};
     struct sv_resolved_view view;
-    struct sv_cells_refine_options options = {.samples = samples, .scale = scale};
+    struct sv_cells_refine_options options = {.samples = samples, .scale = scale, .most = UINT32_MAX};
     struct sv_cells_refine_report report;
     double cpu_since = clock_ms(CLOCK_PROCESS_CPUTIME_ID);
     resolve(forest, request, &view);

@@ -140,6 +140,18 @@ enum sv_status sv_backend_ahead(struct sv_backend *backend, const struct sv_view
     return sv_backend_resolve(backend, request, &view, &has_ground, &ground_z, error);
 }
 
+enum sv_status sv_backend_refine(struct sv_backend *backend, const struct sv_view_request *request,
+                                 const struct sv_backend_refine_options *options, uint32_t *refined,
+                                 uint32_t *left, struct sv_error *error)
+{
+    (void)backend;
+    (void)request;
+    (void)options;
+    (void)error;
+    *refined = *left = 0;
+    return SV_OK;
+}
+
 int sv_backend_lacks(const struct sv_backend *backend, const struct sv_resolved_view *view)
 {
     (void)backend;

@@ -522,6 +522,40 @@ static void a_refined_version_replaces_in_place(void **state)
     munmap(memory, bytes);
 }
 
+/* Generation 2 came to nothing: what it dropped is gone, the rest is found, and 1 may build again. */
+static void a_change_that_came_to_nothing_is_turned_back(void **state)
+{
+    (void)state;
+    void *block;
+    size_t bytes;
+    struct sv_cell_cache *c = make(ENTRIES, PAGES, &block, &bytes);
+    struct sv_cell_cache_panel panel;
+    uint64_t gone = 2;
+    for (uint64_t key = 1; key <= 2; key++) {
+        struct sv_cell_cache_label label = {.key = key};
+        assert_int_equal(sv_cell_cache_reserve(c, 0, &label, PAGE, false, 0, 0, &panel), SV_CELL_CACHE_GRANTED);
+        assert_true(sv_cell_cache_commit(c, 0, &panel, PAGE, 1, 0));
+        sv_cell_cache_unpin(c, 0, &panel);
+    }
+    assert_int_equal(sv_cell_cache_drop_keys(c, 1, NULL, 0), 0);
+    assert_int_equal(sv_cell_cache_drop_keys(c, 2, &gone, 1), 1);
+    struct sv_cell_cache_label again = {.key = 2}, later = {.key = 3};
+    assert_int_equal(sv_cell_cache_reserve(c, 0, &again, PAGE, false, 1, 0, &panel), SV_CELL_CACHE_STALE);
+    assert_int_equal(sv_cell_cache_reserve(c, 0, &later, PAGE, false, 2, 0, &panel), SV_CELL_CACHE_GRANTED);
+    assert_true(sv_cell_cache_commit(c, 0, &panel, PAGE, 1, 0));
+    sv_cell_cache_unpin(c, 0, &panel);
+    sv_cell_cache_turn_back(c, 1);
+    assert_int_equal(sv_cell_cache_find(c, 0, 1, 1, 0, &panel), SV_CELL_CACHE_HIT);
+    sv_cell_cache_unpin(c, 0, &panel);
+    assert_int_equal(sv_cell_cache_find(c, 0, 3, 1, 0, &panel), SV_CELL_CACHE_MISS);
+    assert_int_equal(sv_cell_cache_reserve(c, 0, &again, PAGE, false, 1, 0, &panel), SV_CELL_CACHE_GRANTED);
+    assert_true(sv_cell_cache_commit(c, 0, &panel, PAGE, 1, 0));
+    sv_cell_cache_unpin(c, 0, &panel);
+    assert_int_equal(sv_cell_cache_drop_keys(c, 2, &gone, 1), 1); /* the change, made again */
+    assert_true(sv_cell_cache_check(c));
+    munmap(block, bytes);
+}
+
 static void blocks_are_made_and_opened(void **state)
 {
     (void)state;
@@ -583,6 +617,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(random_operations_as_the_model), cmocka_unit_test(the_least_valuable_goes_first),
         cmocka_unit_test(a_refined_version_replaces_in_place), cmocka_unit_test(blocks_are_made_and_opened),
-        cmocka_unit_test(two_mappings_are_one_cache)};
+        cmocka_unit_test(two_mappings_are_one_cache),
+        cmocka_unit_test(a_change_that_came_to_nothing_is_turned_back)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -151,12 +151,45 @@ static void a_picture_lives_as_long_as_somebody_sends_it(void **state)
     sv_slab_pool_destroy(pool);
 }
 
+/* Panels of cell 7 were refined: its pictures go, but for those that were drawn from refined ones alone. */
+static void better_panels_outdate_pictures(void **state)
+{
+    static const struct {
+        const char *tag;
+        struct sv_cell_use cell;
+        bool goes;
+    } rows[] = {{"drawn", {.hits = 3, .id = 7}, true},
+                {"half", {.hits = 3, .refined = 2, .id = 7}, true},
+                {"built", {.built = 3, .id = 7}, true},
+                {"refined", {.hits = 3, .refined = 3, .id = 7}, false},
+                {"other", {.hits = 3, .id = 8}, false},
+                {"direct", {.id = 0}, false}};
+    enum { ROWS = sizeof rows / sizeof rows[0] };
+    struct sv_pictures *pictures = sv_pictures_create(8192);
+    (void)state;
+    for (size_t k = 0; k < ROWS; k++) {
+        struct sv_picture_bytes *picture = sv_picture_copy("x", 1);
+        picture->cell = rows[k].cell;
+        sv_pictures_keep(pictures, rows[k].tag, picture);
+        sv_picture_unref(picture);
+    }
+    sv_pictures_outdate(pictures, 7);
+    assert_int_equal(sv_pictures_count(pictures), ROWS - 3);
+    for (size_t k = 0; k < ROWS; k++) {
+        struct sv_picture_bytes *kept = sv_pictures_find(pictures, rows[k].tag);
+        assert_int_equal(kept == NULL, rows[k].goes);
+        sv_picture_unref(kept);
+    }
+    sv_pictures_destroy(pictures);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(it_does_what_a_plain_list_does),
         cmocka_unit_test(a_memo_knows_version_and_request_and_forgets_failures_of_the_moment),
         cmocka_unit_test(a_picture_lives_as_long_as_somebody_sends_it),
+        cmocka_unit_test(better_panels_outdate_pictures),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
