@@ -154,42 +154,130 @@ static inline void raster_eight(struct sv_leaf_job *job, const struct sv_leaf_qu
     }
 }
 
+/* ---- large pieces: a row at a time, and of a row what may be inside ---- */
+
+enum { EDGES = 4 };
+/* Farther out than any column: no bound. */
+static const float FAR_PX = 1e9f;
+
+/* Columns that may be inside, of row y: from the largest low[k][0] y + low[k][1] to the least of high. */
+struct spans {
+    __m256 low[EDGES][2], high[EDGES][2];
+};
+
+static inline __m256 absolute(__m256 v)
+{
+    return _mm256_andnot_ps(splat(-0.0f), v);
+}
+
+/* The edge f[0] x + f[1] y + f[2] >= 0 bounds columns below where it rises and above where it falls. What
+ * rounding of it (size: the largest sum of its terms' magnitudes, of which inside() rounds 2^-22) and of the
+ * bound can do is let in; NaN bounds nothing. */
+static inline void bound(const struct plane *f, __m256 size, __m256 rows, __m256 low[2], __m256 high[2])
+{
+    __m256 zero = _mm256_setzero_ps(), each = _mm256_div_ps(splat(-1), f->f[0]);
+    __m256 slope = mul(f->f[1], each), from = mul(f->f[2], each);
+    __m256 slack = add(mul(size, absolute(each)), add(mul(absolute(slope), rows), absolute(from)));
+    slack = add(mul(slack, splat(0x1p-19f)), splat(0x1p-6f));
+    __m256 rises = _mm256_cmp_ps(f->f[0], zero, _CMP_GT_OQ), falls = _mm256_cmp_ps(f->f[0], zero, _CMP_LT_OQ);
+    low[0] = _mm256_and_ps(rises, slope);
+    low[1] = _mm256_blendv_ps(splat(-FAR_PX), sub(from, slack), rises);
+    high[0] = _mm256_and_ps(falls, slope);
+    high[1] = _mm256_blendv_ps(splat(FAR_PX), add(from, slack), falls);
+}
+
+/* The conditions of inside() for eight pieces, as edges. */
+static inline void spans_of(const struct planes *p, __m256 columns, __m256 rows, bool card,
+                            struct spans *spans)
+{
+    struct plane edge[EDGES];
+    __m256 size = _mm256_setzero_ps(), out = splat(SV_LEAF_EDGE), most = splat(1 + SV_LEAF_EDGE);
+    const __m256 reach[3] = {columns, rows, splat(1)};
+    for (int k = 0; k < 3; k++) {
+        __m256 s = p->s.f[k], r = p->r.f[k], q = p->q.f[k];
+        size = add(size, mul(reach[k], add(add(absolute(s), absolute(r)), absolute(q))));
+        edge[0].f[k] = add(s, mul(out, q));
+        edge[1].f[k] = add(r, mul(out, q));
+        edge[2].f[k] = sub(mul(most, q), card ? s : add(s, r));
+        edge[3].f[k] = card ? sub(mul(most, q), r) : edge[2].f[k];
+    }
+    for (int k = 0; k < EDGES; k++)
+        bound(&edge[k], size, rows, spans->low[k], spans->high[k]);
+}
+
+static inline __m256 lane_of(__m256 v, int i)
+{
+    return _mm256_permutevar8x32_ps(v, _mm256_set1_epi32(i));
+}
+
 static inline void lane_planes(const struct planes *from, int i, struct planes *to)
 {
     const struct plane *a[4] = {&from->s, &from->r, &from->q, &from->d};
     struct plane *b[4] = {&to->s, &to->r, &to->q, &to->d};
     for (int n = 0; n < 4; n++)
         for (int k = 0; k < 3; k++)
-            b[n]->f[k] = _mm256_permutevar8x32_ps(a[n]->f[k], _mm256_set1_epi32(i));
+            b[n]->f[k] = lane_of(a[n]->f[k], i);
 }
 
-/* One piece of any size, a row at a time. */
-static inline void raster_rows(struct sv_leaf_job *job, const struct sv_leaf_queue *queue, int n,
-                               const struct planes *p, bool card)
+static inline void lane_spans(const struct spans *from, int i, struct spans *to)
+{
+    for (int k = 0; k < EDGES; k++)
+        for (int n = 0; n < 2; n++) {
+            to->low[k][n] = lane_of(from->low[k][n], i);
+            to->high[k][n] = lane_of(from->high[k][n], i);
+        }
+}
+
+/* First column and end of rows y .. y + 7 of one piece's box, which has nx columns. */
+static inline void eight_spans(const struct spans *s, int y, int nx, int32_t first[LANES], int32_t end[LANES])
+{
+    const __m256 lane = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7);
+    __m256 fy = add(splat((float)y), lane), low = _mm256_setzero_ps(), high = splat((float)(nx - 1));
+    for (int k = 0; k < EDGES; k++) { /* NaN: what was there stays */
+        low = _mm256_max_ps(add(mul(s->low[k][0], fy), s->low[k][1]), low);
+        high = _mm256_min_ps(add(mul(s->high[k][0], fy), s->high[k][1]), high);
+    }
+    high = _mm256_max_ps(high, splat(-1));
+    low = _mm256_min_ps(low, splat((float)nx));
+    _mm256_storeu_si256((__m256i *)(void *)first, _mm256_cvttps_epi32(low));
+    _mm256_storeu_si256((__m256i *)(void *)end, _mm256_cvttps_epi32(add(_mm256_floor_ps(high), splat(1))));
+}
+
+/* Columns x .. end - 1 of row y of a piece's box; pixel: of its column 0. */
+static inline void raster_span(struct sv_leaf_job *job, const struct planes *p, int pixel, int y, int x,
+                               int end, __m256i piece, bool card)
 {
     const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-    int nx = queue->nx[n];
+    __m256 fy = splat((float)y);
+    for (; x < end; x += LANES) {
+        __m256i column = _mm256_add_epi32(_mm256_set1_epi32(x), lane);
+        __m256i there = _mm256_cmpgt_epi32(_mm256_set1_epi32(end), column);
+        __m256 fx = _mm256_cvtepi32_ps(column);
+        __m256 s = at(&p->s, fx, fy), r = at(&p->r, fx, fy), q = at(&p->q, fx, fy), d = at(&p->d, fx, fy);
+        __m256 mask = _mm256_and_ps(_mm256_castsi256_ps(there), inside(s, r, q, card));
+        mask = _mm256_and_ps(mask, depth_legal(d));
+        if (!bits_of(mask))
+            continue;
+        __m256 held = _mm256_maskload_ps(job->depth + pixel + x, there);
+        unsigned bits = bits_of(_mm256_and_ps(mask, in_order(held, d)));
+        if (bits)
+            hit(&job->hits, bits, _mm256_add_epi32(_mm256_set1_epi32(pixel), column), piece, d, s, r);
+        if (job->hits.count >= SV_LEAF_HITS)
+            sv_leaf_avx2.settle(job);
+    }
+}
+
+/* One piece of any size. */
+static inline void raster_rows(struct sv_leaf_job *job, const struct sv_leaf_queue *queue, int n,
+                               const struct planes *p, const struct spans *spans, bool card)
+{
     __m256i piece = _mm256_set1_epi32((int)queue->piece[n]);
-    for (int y = 0; y < queue->ny[n]; y++) {
-        int first = (queue->j0[n] + y) * job->eye.width + queue->i0[n];
-        __m256 fy = splat((float)y);
-        for (int x = 0; x < nx; x += LANES) {
-            __m256i column = _mm256_add_epi32(_mm256_set1_epi32(x), lane);
-            __m256i inbox = _mm256_cmpgt_epi32(_mm256_set1_epi32(nx), column);
-            __m256 fx = _mm256_cvtepi32_ps(column);
-            __m256 s = at(&p->s, fx, fy), r = at(&p->r, fx, fy), q = at(&p->q, fx, fy);
-            __m256 d = at(&p->d, fx, fy);
-            __m256 mask = _mm256_and_ps(_mm256_castsi256_ps(inbox), inside(s, r, q, card));
-            mask = _mm256_and_ps(mask, depth_legal(d));
-            if (!bits_of(mask))
-                continue;
-            __m256 held = _mm256_maskload_ps(job->depth + first + x, inbox);
-            unsigned bits = bits_of(_mm256_and_ps(mask, in_order(held, d)));
-            if (bits)
-                hit(&job->hits, bits, _mm256_add_epi32(_mm256_set1_epi32(first), column), piece, d, s, r);
-            if (job->hits.count >= SV_LEAF_HITS)
-                sv_leaf_avx2.settle(job);
-        }
+    int ny = queue->ny[n], pixel = queue->j0[n] * job->eye.width + queue->i0[n];
+    for (int y = 0; y < ny; y += LANES) {
+        int32_t first[LANES], end[LANES];
+        eight_spans(spans, y, queue->nx[n], first, end);
+        for (int k = 0; k < LANES && y + k < ny; k++)
+            raster_span(job, p, pixel + (y + k) * job->eye.width, y + k, first[k], end[k], piece, card);
     }
 }
 
@@ -198,17 +286,22 @@ static inline void raster_large(struct sv_leaf_job *job, const struct sv_leaf_qu
 {
     __m256 v[9];
     struct planes p, one;
+    struct spans spans, one_spans;
     for (int k = 0; k < 9; k++)
         v[k] = _mm256_load_ps(queue->v[k] + n);
     __m256 i0 = _mm256_cvtepi32_ps(_mm256_load_si256((const __m256i *)(const void *)(queue->i0 + n)));
     __m256 j0 = _mm256_cvtepi32_ps(_mm256_load_si256((const __m256i *)(const void *)(queue->j0 + n)));
+    __m256 nx = _mm256_cvtepi32_ps(_mm256_load_si256((const __m256i *)(const void *)(queue->nx + n)));
+    __m256 ny = _mm256_cvtepi32_ps(_mm256_load_si256((const __m256i *)(const void *)(queue->ny + n)));
     if (orthographic)
         set_orthographic(&job->eye, v, i0, j0, &p);
     else
         set_perspective(&job->eye, v, i0, j0, &p);
+    spans_of(&p, nx, ny, card, &spans);
     for (int i = 0; i < LANES && n + i < queue->count; i++) {
         lane_planes(&p, i, &one);
-        raster_rows(job, queue, n + i, &one, card);
+        lane_spans(&spans, i, &one_spans);
+        raster_rows(job, queue, n + i, &one, &one_spans, card);
     }
 }
 

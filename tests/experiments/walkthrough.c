@@ -3,13 +3,13 @@
  *
  *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
- *               [--warm] [--still] [-o FOLDER]
+ *               [--warm] [--still] [--parts] [-o FOLDER]
  *
  * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
  * kinds at random. --warm: the path is gone along once before it is measured; --still: the first pose again
  * and again. --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured.
  * four: the ray cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast
- * truth.
+ * truth. --parts: the same by parts of the picture (walk_parts.h).
  *
  * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
  * frame, in all forms one after the other, from the first or, in turn, from the last; frames a second are workers * 1000 / median ms, encoding left out.
@@ -30,6 +30,7 @@
 #include "tests/experiments/forest_kit.h"
 #include "tests/experiments/motion_sheet.h"
 #include "tests/experiments/plot.h"
+#include "tests/experiments/walk_parts.h"
 
 enum path { FLIGHT, WALK, JUMP };
 enum form { ON, AUTO, PAPER, OFF, RAYCAST, RAYCAST4, FORMS };
@@ -46,7 +47,7 @@ struct setup {
     int frames, width, height, truth_stride, workers;
     int refine_samples, refine_scale; /* 0: panels stay as built */
     int panel;                        /* texels a side; 0: the scene's */
-    bool forms[FORMS], warm, still;
+    bool forms[FORMS], warm, still, parts;
     const char *folder;
 };
 
@@ -102,6 +103,7 @@ struct record {
     bool compared, cells; /* cells: drawn from them */
 };
 static struct record (*records)[FRAMES_MAX];
+static struct walk_sums (*sums)[FORMS][WALK_PARTS]; /* by worker; shared as well */
 
 static void keep(const struct setup *setup, const struct sv_image *image, int frame, const char *name)
 {
@@ -113,8 +115,15 @@ static void keep(const struct setup *setup, const struct sv_image *image, int fr
     forest_save(image, path);
 }
 
+/* What a frame is compared with. */
+struct truth {
+    struct sv_image color;
+    struct sv_image parts; /* empty: not wanted */
+    struct walk_sums (*sums)[WALK_PARTS];
+};
+
 static void draw_frame(const struct forest *forest, const struct setup *setup, int k, enum form form,
-                       const struct sv_image *truth)
+                       const struct truth *truth)
 {
     struct record *to = &records[form][k];
     struct sv_view_request request = pose(forest, setup, k);
@@ -135,11 +144,13 @@ static void draw_frame(const struct forest *forest, const struct setup *setup, i
         to->holes_left = (double)report->holes_left / pixels;
     }
     if (truth) {
-        struct sv_compare_result r = forest_compare(&picture.layer[SV_LAYER_COLOR], truth);
+        struct sv_compare_result r = forest_compare(&picture.layer[SV_LAYER_COLOR], &truth->color);
         to->compared = true;
         to->mean_abs = r.mean_abs;
         to->ssim = r.ssim;
         to->gradient = r.gradient_ratio;
+        if (truth->parts.data)
+            walk_parts_add(&truth->parts, &picture.layer[SV_LAYER_COLOR], &truth->color, truth->sums[form]);
         keep(setup, &picture.layer[SV_LAYER_COLOR], k, NAMES[form]);
     }
     sv_picture_finish(&picture);
@@ -150,9 +161,11 @@ static void work(const struct forest *forest, const struct setup *setup, int wor
     for (int k = worker; k < setup->frames; k += setup->workers) {
         struct sv_view_request request = pose(forest, setup, k);
         bool compare = setup->truth_stride > 0 && k % setup->truth_stride == 0;
-        struct sv_image truth = {0};
+        struct truth truth = {.sums = sums[worker]};
         if (compare)
-            forest_truth(forest, &request, &truth);
+            forest_truth(forest, &request, &truth.color);
+        if (compare && setup->parts)
+            truth.parts = walk_parts_of(forest, &request);
         for (int n = 0; n < FORMS;
              n++) { /* who comes first pays for caches that the pose has not yet filled */
             int form = k / setup->workers % 2 ? FORMS - 1 - n : n;
@@ -160,8 +173,9 @@ static void work(const struct forest *forest, const struct setup *setup, int wor
                 draw_frame(forest, setup, k, (enum form)form, compare ? &truth : NULL);
         }
         if (compare)
-            keep(setup, &truth, k, "truth");
-        sv_image_free(&truth);
+            keep(setup, &truth.color, k, "truth");
+        sv_image_free(&truth.color);
+        sv_image_free(&truth.parts);
     }
 }
 
@@ -171,6 +185,7 @@ static bool run(const struct forest *forest, const struct setup *setup)
     pid_t child[WORKERS_MAX];
     bool well = true;
     memset(records, 0, sizeof(struct record[FORMS][FRAMES_MAX]));
+    memset(sums, 0, sizeof(struct walk_sums[WORKERS_MAX][FORMS][WALK_PARTS]));
     fflush(NULL);
     for (int w = 0; w < setup->workers; w++) {
         child[w] = fork();
@@ -245,6 +260,9 @@ static void tell(const struct setup *setup, enum form form)
                sum[2] / compared);
     printf("\n");
     tell_cells(setup, form);
+    for (int w = 1; w < setup->workers; w++)
+        walk_parts_join(sums[0][form], sums[w][form]);
+    walk_parts_tell(NAMES[form], sums[0][form]);
 }
 
 static void write_rows(const struct setup *setup, FILE *csv)
@@ -445,13 +463,15 @@ int main(int argc, char **argv)
             setup.warm = true;
         else if (strcmp(argv[k], "--still") == 0)
             setup.still = true;
+        else if (strcmp(argv[k], "--parts") == 0)
+            setup.parts = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
     if (!well) {
         fprintf(stderr, "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
                         "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
-                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [-o FOLDER]\n");
+                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
@@ -462,7 +482,9 @@ int main(int argc, char **argv)
     FILE *csv = fopen(path, "w");
     records = mmap(NULL, sizeof(struct record[FORMS][FRAMES_MAX]), PROT_READ | PROT_WRITE,
                    MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    if (!csv || records == MAP_FAILED) {
+    sums = mmap(NULL, sizeof(struct walk_sums[WORKERS_MAX][FORMS][WALK_PARTS]), PROT_READ | PROT_WRITE,
+                MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (!csv || records == MAP_FAILED || sums == MAP_FAILED) {
         perror(path);
         return 1;
     }

@@ -243,6 +243,11 @@ static void test_extremes(void **state)
     scene_init(&s, 2, 12, 6);
     struct sv_leaf_view view = view_of(0.5, 40, 60, 97, 61);
     both_levels(&view, &s, true, "eye in a crown");
+    for (int k = 0; k < 4; k++) { /* leaves of hundreds of pixels, and long thin wood, at all slants */
+        view = view_of(0.3 + 0.4 * k, 80.0 * k, 60, 401, 353);
+        both_levels(&view, &s, true, "large pieces");
+    }
+    view = view_of(0.5, 40, 60, 97, 61);
     view.camera.near_m = 2;
     both_levels(&view, &s, false, "near plane in leaves");
     view = view_of(300, 70, 1, 64, 64);
