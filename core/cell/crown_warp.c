@@ -89,6 +89,27 @@ void sv_crown_buffer_begin(struct sv_crown_buffer *buffer)
     sv_crown_buffer_clear(buffer);
 }
 
+static bool block_done(const struct sv_crown_buffer *buffer, const float (*light)[4], int i0, int j0)
+{
+    int i1 = i0 + SV_CROWN_BLOCK < buffer->width ? i0 + SV_CROWN_BLOCK : buffer->width;
+    int j1 = j0 + SV_CROWN_BLOCK < buffer->row_count ? j0 + SV_CROWN_BLOCK : buffer->row_count;
+    for (int j = j0; j < j1; j++)
+        for (int i = i0; i < i1; i++)
+            if (light[(size_t)j * (size_t)buffer->width + (size_t)i][3] >= SV_CROWN_PASS_MIN)
+                return false;
+    return true;
+}
+
+void sv_crown_buffer_close(struct sv_crown_buffer *buffer, const float (*light)[4])
+{
+    for (int y = 0; y < buffer->blocks_y; y++)
+        for (int x = 0; x < buffer->blocks_x; x++) {
+            uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x];
+            *closed = block_done(buffer, light, x * SV_CROWN_BLOCK, y * SV_CROWN_BLOCK);
+            buffer->closed_count += *closed;
+        }
+}
+
 const struct sv_crown_kernel *sv_crown_kernel_of(enum sv_simd level)
 {
     return level == SV_SIMD_AVX2 ? &sv_crown_avx2 : &sv_crown_scalar;

@@ -74,6 +74,9 @@ void sv_crown_buffer_destroy(struct sv_crown_buffer *buffer); /* NULL is legal *
 /* A new frame: whatever light is resolved into next lets all light through, as far as splats know, and the
  * buffer is empty. */
 void sv_crown_buffer_begin(struct sv_crown_buffer *buffer);
+/* After begin, where light (of the band) has been gathered before the first ring: what lets none through need not
+ * be splatted. */
+void sv_crown_buffer_close(struct sv_crown_buffer *buffer, const float (*light)[4]);
 /* A new ring of the same frame: empties the buffer (in next to no time). */
 void sv_crown_buffer_clear(struct sv_crown_buffer *buffer);
 

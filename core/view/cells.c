@@ -14,6 +14,7 @@
 #include "core/view/compose.h"
 #include "core/view/panels.h"
 #include "core/view/rings.h"
+#include "core/view/soften.h"
 
 /* Texels farther than the ground at their pixel by this share are behind it (crowns stand in the ground, and their
  * depth is that of their middle where they are far). */
@@ -21,8 +22,8 @@
 /* Pixels that a texel may be wide in the middle of the picture: crowns of larger ones are squares. */
 #define TEXEL_PX_MAX 4
 
-/* Leaves of trees this near are pixels large: more samples cost more than they mend. */
-enum { NEAR_LEAF_SAMPLES = 1 };
+/* Rows beyond a band that its own depend on (soften.h). */
+enum { APRON = 1 };
 enum held { HELD_NOT, HELD_SHARED, HELD_OWN };
 
 /* Panels that a view is drawn from. */
@@ -42,8 +43,10 @@ struct sv_cells {
     struct sv_panels *panels;
     struct sv_crown_buffer *crowns; /* of the last size and band */
     struct sv_warp_buffer ground;
-    int width, row_first, row_count;
-    float *depth; /* of the band: window depth of what is opaque */
+    int width, row_first, row_count; /* of the band with its aprons */
+    float *depth;                    /* window depth of what is opaque */
+    float *near_depth;
+    uint8_t (*near)[4]; /* trees within the innermost cube */
     float (*light)[4];
     uint8_t (*rgba)[4]; /* ground and sky */
     uint8_t *hidden;
@@ -75,11 +78,14 @@ static void free_band(struct sv_cells *c)
     sv_crown_buffer_destroy(c->crowns);
     sv_warp_buffer_finish(&c->ground);
     free(c->depth);
+    free(c->near_depth);
+    free(c->near);
     free(c->light);
     free(c->rgba);
     free(c->hidden);
     c->crowns = NULL;
-    c->depth = NULL;
+    c->depth = c->near_depth = NULL;
+    c->near = NULL;
     c->light = NULL;
     c->rgba = NULL;
     c->hidden = NULL;
@@ -112,10 +118,12 @@ static enum sv_status want_band(struct sv_cells *c, int width, int row_first, in
     if (status)
         return status;
     c->depth = malloc(pixels * sizeof *c->depth);
+    c->near_depth = malloc(pixels * sizeof *c->near_depth);
+    c->near = malloc(pixels * sizeof *c->near);
     c->light = malloc(pixels * sizeof *c->light);
     c->rgba = malloc(pixels * sizeof *c->rgba);
     c->hidden = malloc(pixels);
-    if (!c->depth || !c->light || !c->rgba || !c->hidden)
+    if (!c->depth || !c->near_depth || !c->near || !c->light || !c->rgba || !c->hidden)
         return sv_fail(error, SV_ENOMEM, "relief", "no memory for %zu pixels", pixels);
     c->width = width;
     c->row_first = row_first;
@@ -511,14 +519,32 @@ static enum sv_status shade_behind(struct sv_cells *c, const struct frame *f, st
 
 /* ---- crowns ---- */
 
+/* Trees within the innermost cube are in front of all others: the first light. One sample a pixel, softened. */
+static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, struct sv_draw_stats *stats,
+                                struct sv_error *error)
+{
+    struct sv_cell_place first = f->at.chain[f->at.crowns_first];
+    struct sv_tree_shell shell = {.inner_m = -1, .outer = first.v, .outer_m = f->at.rings.distance_m[f->at.crowns_first]};
+    struct sv_canvas canvas = {.width = c->width,
+                               .height = f->view->camera.height,
+                               .row_first = c->row_first,
+                               .row_count = c->row_count,
+                               .depth = c->near_depth,
+                               .color = c->near[0]};
+    struct sv_resolved_view view = *f->view;
+    size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    view.plan.leaf_samples = 1;
+    memcpy(c->near_depth, c->depth, pixels * sizeof *c->depth);
+    memset(c->near, 0, pixels * sizeof *c->near);
+    enum sv_status status = sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
+    return status ? status
+                  : sv_soften(c->width, c->row_count, (const uint8_t(*)[4])c->near, c->light, error);
+}
+
 static void warp_crowns(struct sv_cells *c, const struct frame *f)
 {
-    size_t pixels = (size_t)c->row_count * (size_t)c->width;
-    for (size_t k = 0; k < pixels; k++) {
-        c->light[k][0] = c->light[k][1] = c->light[k][2] = 0;
-        c->light[k][3] = 1;
-    }
     sv_crown_buffer_begin(c->crowns);
+    sv_crown_buffer_close(c->crowns, (const float(*)[4])c->light);
     for (int ring = f->at.crowns_first; ring < f->at.rings.count; ring++) {
         struct sv_crown_source sources[SV_CELL_FACES];
         unsigned count = 0;
@@ -538,22 +564,12 @@ static void warp_crowns(struct sv_cells *c, const struct frame *f)
     }
 }
 
-/* Trees within the innermost cube, over all. */
-static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, uint8_t *rgba,
-                                struct sv_draw_stats *stats, struct sv_error *error)
+/* Light over what is behind it, the band's own rows alone. */
+static void compose(const struct sv_cells *c, int row_first, int row_count, uint8_t *rgba)
 {
-    struct sv_cell_place first = f->at.chain[f->at.crowns_first];
-    struct sv_tree_shell shell = {.inner_m = -1, .outer = first.v, .outer_m = f->at.rings.distance_m[f->at.crowns_first]};
-    struct sv_canvas canvas = {.width = c->width,
-                               .height = f->view->camera.height,
-                               .row_first = c->row_first,
-                               .row_count = c->row_count,
-                               .depth = c->depth,
-                               .color = rgba};
-    struct sv_resolved_view view = *f->view;
-    view.plan.leaf_samples =
-        view.plan.leaf_samples < NEAR_LEAF_SAMPLES ? view.plan.leaf_samples : NEAR_LEAF_SAMPLES;
-    return sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
+    size_t skip = (size_t)(row_first - c->row_first) * (size_t)c->width;
+    sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])(c->light + skip),
+               (const uint8_t(*)[4])(c->rgba + skip), (uint8_t(*)[4])rgba);
 }
 
 static double since(const struct sv_cells *c, struct sv_cells_report *report, enum sv_stage stage,
@@ -610,15 +626,16 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
                              struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_cells *c = cells;
+    int height = view->camera.height, end = row_first + row_count;
     struct frame f = {.view = view,
-                      .row_first = row_first,
-                      .row_end = row_first + row_count,
+                      .row_first = row_first > APRON ? row_first - APRON : 0,
+                      .row_end = end + APRON < height ? end + APRON : height,
                       .sky = sky,
                       .build = build,
                       .most = UINT32_MAX,
                       .report = report};
     clear(report);
-    enum sv_status status = want_band(c, view->camera.width, row_first, row_count, error);
+    enum sv_status status = want_band(c, view->camera.width, f.row_first, f.row_end - f.row_first, error);
     if (!status)
         status = choose(c, &f, error);
     double t = now(c);
@@ -628,6 +645,9 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
         warp_ground(c, &f);
     t = since(c, report, f.ground_ring < 0 ? SV_STAGE_NEAR : SV_STAGE_WARP, t);
     if (!status)
+        status = draw_near(c, &f, stats, error);
+    t = since(c, report, SV_STAGE_NEAR, t);
+    if (!status)
         warp_crowns(c, &f);
     if (!status && f.ground_ring >= 0)
         color_ground(c, &f);
@@ -636,12 +656,8 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
     if (!status)
         status = shade_behind(c, &f, error);
     if (!status)
-        sv_compose((size_t)c->width * (size_t)row_count, (const float(*)[4])c->light,
-                   (const uint8_t(*)[4])c->rgba, (uint8_t(*)[4])rgba);
-    t = since(c, report, SV_STAGE_COMPOSITE, t);
-    if (!status)
-        status = draw_near(c, &f, rgba, stats, error);
-    since(c, report, SV_STAGE_NEAR, t);
+        compose(c, row_first, row_count, rgba);
+    since(c, report, SV_STAGE_COMPOSITE, t);
     return status;
 }
 

@@ -316,6 +316,8 @@ static void draw_rings(const struct sv_crown_kernel *kernel, const struct scene 
 {
     struct sv_crown_buffer *buffer;
     assert_int_equal(sv_crown_buffer_create(p->width, first, rows, &buffer, NULL), SV_OK);
+    if (leave_out)
+        sv_crown_buffer_close(buffer, (const float(*)[4])(p->light + (size_t)first * (size_t)p->width));
     for (int ring = 0; ring < count; ring++) {
         if (!leave_out)
             sv_crown_buffer_begin(buffer);
@@ -325,6 +327,17 @@ static void draw_rings(const struct sv_crown_kernel *kernel, const struct scene 
                             p->light + (size_t)first * (size_t)p->width);
     }
     sv_crown_buffer_destroy(buffer);
+}
+
+/* Before the first ring: a disc that lets nothing through, a rim of half light, and all. */
+static void put_disc(struct picture *p)
+{
+    for (int j = 0; j < p->height; j++)
+        for (int i = 0; i < p->width; i++) {
+            double r = hypot(i - 30.0, j - 34.0);
+            float pass = r < 24 ? 0 : r < 26 ? 0.5f : 1;
+            memcpy(p->light[j * p->width + i], (const float[4]){1 - pass, 1 - pass, 1 - pass, pass}, 16);
+        }
 }
 
 static void test_bands_and_rings(void **state)
@@ -343,6 +356,11 @@ static void test_bands_and_rings(void **state)
         struct picture whole = picture_make(70, 64), plain = picture_make(70, 64),
                        bands = picture_make(70, 64);
         const struct sv_crown_kernel *kernel = levels[k % LEVELS];
+        if (k % 3 == 0) {
+            put_disc(&whole);
+            put_disc(&plain);
+            put_disc(&bands);
+        }
         draw_rings(kernel, rings, count, 0, 64, true, &whole);
         draw_rings(kernel, rings, count, 0, 64, false, &plain);
         assert_same(&plain, &whole, "with and without leaving out", k);
@@ -386,6 +404,15 @@ static void test_closed_is_left_out(void **state)
     sv_crown_buffer_begin(buffer);
     sv_crown_splat(&source, 1, buffer, &stats[1]);
     assert_int_equal(stats[1].drawn, stats[0].drawn);
+    sv_crown_buffer_begin(buffer); /* light from before, which closes all but a pixel, or that too */
+    for (int open = 1; open >= 0; open--) {
+        p.light[20 * 64 + 20][3] = (float)open;
+        stats[1].drawn = 0;
+        sv_crown_buffer_close(buffer, (const float(*)[4])p.light);
+        sv_crown_splat(&source, 1, buffer, &stats[1]);
+        assert_true(open ? stats[1].drawn > 0 && stats[1].drawn < stats[0].drawn : stats[1].drawn == 0);
+        sv_crown_buffer_begin(buffer);
+    }
     sv_crown_buffer_destroy(buffer);
     free(p.light);
     crown_panel_free(&panel);
