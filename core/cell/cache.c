@@ -442,20 +442,29 @@ void sv_cell_cache_stats(struct sv_cell_cache *cache, struct sv_cell_cache_stats
     unlock(cache);
 }
 
-bool sv_cell_cache_admit(struct sv_cell_cache *cache, const struct sv_cell_admit_request *request)
+struct sv_cell_admit_answer sv_cell_cache_admit(struct sv_cell_cache *cache,
+                                                const struct sv_cell_admit_request *request)
 {
     if (!lock(cache))
-        return false;
-    bool build = sv_cell_admit(&cache->admit, request);
+        return (struct sv_cell_admit_answer){0};
+    struct sv_cell_admit_answer answer = sv_cell_admit(&cache->admit, request);
     unlock(cache);
-    return build;
+    return answer;
 }
 
-void sv_cell_cache_measured(struct sv_cell_cache *cache, int kind, double build_s, double saving_s)
+void sv_cell_cache_drawn(struct sv_cell_cache *cache, int64_t pixels, int level, double seconds)
 {
     if (!lock(cache))
         return;
-    sv_cell_admit_measured(&cache->admit, kind, build_s, saving_s);
+    sv_cell_admit_drawn(&cache->admit, pixels, level, seconds);
+    unlock(cache);
+}
+
+void sv_cell_cache_built(struct sv_cell_cache *cache, int k, bool ground, double panels, double seconds)
+{
+    if (!lock(cache))
+        return;
+    sv_cell_admit_built(&cache->admit, k, ground, panels, seconds);
     unlock(cache);
 }
 

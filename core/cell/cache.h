@@ -160,8 +160,10 @@ struct sv_cell_cache_stats {
 void sv_cell_cache_stats(struct sv_cell_cache *cache, struct sv_cell_cache_stats *stats);
 
 /* admit.h's decision and measurements, shared by all who use this cache. */
-bool sv_cell_cache_admit(struct sv_cell_cache *cache, const struct sv_cell_admit_request *request);
-void sv_cell_cache_measured(struct sv_cell_cache *cache, int kind, double build_s, double saving_s);
+struct sv_cell_admit_answer sv_cell_cache_admit(struct sv_cell_cache *cache,
+                                                const struct sv_cell_admit_request *request);
+void sv_cell_cache_drawn(struct sv_cell_cache *cache, int64_t pixels, int level, double seconds);
+void sv_cell_cache_built(struct sv_cell_cache *cache, int k, bool ground, double panels, double seconds);
 
 /* Whether the index is what it should be; for tests and for who suspects. Changes nothing. */
 bool sv_cell_cache_check(struct sv_cell_cache *cache);

@@ -12,7 +12,7 @@
 
 enum { SV_CACHE_PAGE = 4096 };
 #define SV_CACHE_NONE UINT32_MAX
-#define SV_CACHE_MAGIC UINT64_C(0x6c6c65635f76736d) /* changes with the layout */
+#define SV_CACHE_MAGIC UINT64_C(0x6c6c65635f76736e) /* changes with the layout */
 
 enum sv_cache_state {
     SV_CACHE_FREE,

@@ -32,6 +32,7 @@ struct seen {
     enum sv_cell_face face;
     unsigned layer;
     enum held held; /* in the cache, or in memory of this process */
+    bool open;
     struct sv_panel panel;
     struct sv_cell_cache_panel pin;
 };
@@ -144,10 +145,12 @@ bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 struct frame {
     const struct sv_resolved_view *view;
     int row_first, row_end; /* of the picture that is drawn */
-    bool sky, build;
+    bool sky;
+    bool all;      /* from all rings of panels; else from what pays */
     bool ahead;    /* only builds, */
     uint32_t most; /* so many panels */
     struct sv_view_rings at;
+    int first;       /* innermost ring of crowns that is drawn from panels; what is nearer is drawn directly */
     int ground_ring; /* -1: drawn directly */
     int size;
     struct sv_cell_light light;
@@ -190,14 +193,18 @@ static double now(const struct sv_cells *c)
     return c->options.clock_ms ? c->options.clock_ms() : 0;
 }
 
+static void put_back(struct sv_cells *c, struct seen *s)
+{
+    if (s->held == HELD_SHARED)
+        sv_cell_cache_unpin(c->options.cache, c->options.slot, &s->pin);
+    else if (s->held == HELD_OWN)
+        free(s->pin.data);
+}
+
 static void release(struct sv_cells *c)
 {
-    for (int k = 0; k < c->seen_count; k++) {
-        if (c->seen[k].held == HELD_SHARED)
-            sv_cell_cache_unpin(c->options.cache, c->options.slot, &c->seen[k].pin);
-        else if (c->seen[k].held == HELD_OWN)
-            free(c->seen[k].pin.data);
-    }
+    for (int k = 0; k < c->seen_count; k++)
+        put_back(c, &c->seen[k]);
     c->seen_count = 0;
 }
 
@@ -245,6 +252,18 @@ static struct sv_panels_order order_of(const struct frame *f, const struct sv_ce
                                     .view = f->view};
 }
 
+/* What a whole panel of the view is, in panels of 1024 x 1024. */
+static double panel_work(const struct frame *f)
+{
+    return f->size / 1024.0 * f->size / 1024.0;
+}
+
+/* The level (core/cell/admit.h) that needs a panel of that ring: ground that is nearer than all crowns counts as theirs. */
+static int level_of(const struct frame *f, int ring)
+{
+    return f->at.rings.count - (ring > f->at.crowns_first ? ring : f->at.crowns_first);
+}
+
 static enum sv_status build(struct sv_cells *c, const struct frame *f, const struct sv_cell_cache_label *label,
                             bool must, struct seen *s, struct sv_error *error)
 {
@@ -263,9 +282,18 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
     double ms = now(c) - since;
     if (s->held == HELD_SHARED)
         sv_cell_cache_commit(c->options.cache, c->options.slot, &s->pin, bytes, ms * 1e-3, now(c) * 1e-3);
+    sv_cell_cache_built(c->options.cache, level_of(f, s->ring), s->layer == SV_PANEL_GROUND, panel_work(f), ms * 1e-3);
     f->report->built++;
     f->report->ms[SV_STAGE_CELL] = fmax(f->report->ms[SV_STAGE_CELL], 0) + ms;
     return SV_OK;
+}
+
+static bool find(struct sv_cells *c, const struct sv_cell_cache_label *label, struct seen *s)
+{
+    if (sv_cell_cache_find(c->options.cache, c->options.slot, label->key, c->scene->generation, now(c) * 1e-3,
+                           &s->pin) == SV_CELL_CACHE_HIT)
+        s->held = HELD_SHARED;
+    return s->held == HELD_SHARED;
 }
 
 static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool must, struct seen *s,
@@ -273,22 +301,17 @@ static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool mus
 {
     struct sv_cell_cache_label label = label_of(f, s);
     enum sv_status status = SV_OK;
-    bool hit = sv_cell_cache_find(c->options.cache, c->options.slot, label.key, c->scene->generation, now(c) * 1e-3,
-                                  &s->pin) == SV_CELL_CACHE_HIT;
-    if (hit) {
-        s->held = HELD_SHARED;
-        f->report->hits++;
-    } else if (!f->build) {
-        return sv_fail(error, SV_ENOENT, "relief", "a panel of the cell is missing");
-    } else if (f->report->built >= f->most) {
+    bool hit = s->held != HELD_NOT || find(c, &label, s);
+    f->report->hits += hit;
+    if (!hit && f->report->built >= f->most)
         f->report->left++;
-    } else {
+    else if (!hit)
         status = build(c, f, &label, must, s, error);
-    }
     if (status || s->held == HELD_NOT)
         return status;
     status = sv_panel_open(s->pin.data, s->pin.bytes, &s->panel, error);
-    if (!status && hit) /* one of less than full size shows nothing */
+    s->open = !status;
+    if (s->open && hit) /* one of less than full size shows nothing */
         f->report->refined += s->pin.refined || s->panel.about.size < f->size;
     return status;
 }
@@ -308,14 +331,57 @@ static void want_all(struct sv_cells *c, const struct frame *f)
         want(c, f, ring, f->at.rings.distance_m[ring] / 2, SV_PANEL_CROWNS);
 }
 
+static uint64_t key_of_ring(const struct frame *f, int ring)
+{
+    return sv_cell_key(&f->at.rings, &(struct sv_cell_key_parts){.place = f->at.chain[ring],
+                                                                 .size = f->size,
+                                                                 .light = f->light_key,
+                                                                 .scene = f->scene_key});
+}
+
+/* Which rings to draw from, by what is there of them. SV_ENOENT: none. Panels of the others are put back. */
+static enum sv_status choose_rings(struct sv_cells *c, struct frame *f, struct sv_error *error)
+{
+    const struct sv_camera *camera = &f->view->camera;
+    struct sv_cell_admit_request request = {.now_s = now(c) * 1e-3,
+                                            .pixels = (int64_t)camera->width * camera->height,
+                                            .rings = level_of(f, f->at.crowns_first)};
+    for (int k = 1; k <= request.rings; k++)
+        request.ring[k - 1].key = key_of_ring(f, f->at.rings.count - k);
+    for (int k = 0; k < c->seen_count; k++) {
+        struct seen *s = &c->seen[k];
+        struct sv_cell_cache_label label = label_of(f, s);
+        bool ground = s->layer == SV_PANEL_GROUND;
+        int ring = level_of(f, s->ring) - 1;
+        if (!find(c, &label, s))
+            *(ground ? &request.ring[ring].ground : &request.ring[ring].crowns) += panel_work(f);
+    }
+    struct sv_cell_admit_answer answer = sv_cell_cache_admit(c->options.cache, &request);
+    if (answer.level == 0)
+        return sv_fail(error, SV_ENOENT, "relief", "no panels that are there, or worth building, save anything");
+    int kept = 0;
+    for (int k = 0; k < c->seen_count; k++)
+        if (level_of(f, c->seen[k].ring) <= answer.level)
+            c->seen[kept++] = c->seen[k];
+        else
+            put_back(c, &c->seen[k]);
+    c->seen_count = kept;
+    f->first = f->at.rings.count - answer.level;
+    if (f->ground_ring >= 0 && level_of(f, f->ground_ring) > answer.level)
+        f->ground_ring = -1;
+    return SV_OK;
+}
+
 /* What others are building is left for the end: two processes that want the same panels share the work. */
-static enum sv_status obtain_all(struct sv_cells *c, const struct frame *f, struct sv_error *error)
+static enum sv_status obtain_all(struct sv_cells *c, struct frame *f, struct sv_error *error)
 {
     enum sv_status status = SV_OK;
     want_all(c, f);
+    if (!f->all)
+        status = choose_rings(c, f, error);
     for (int round = 0; round < (f->ahead ? 1 : 2); round++)
         for (int k = 0; k < c->seen_count && !status; k++)
-            if (c->seen[k].held == HELD_NOT)
+            if (!c->seen[k].open)
                 status = obtain(c, f, round > 0, &c->seen[k], error);
     return status;
 }
@@ -358,6 +424,7 @@ static enum sv_status look_around(struct sv_cells *c, struct frame *f, struct sv
     f->size = view->plan.relief_resolution;
     if (!sv_view_rings(view, &f->at))
         return sv_fail(error, SV_EINVAL, "relief_distance", "there are no cells of that distance here");
+    f->first = f->at.crowns_first;
     f->ground_ring = sv_panels_free_ring(c->panels, &f->at.rings, f->at.chain);
     enum sv_status status = make_keys(c, f, error);
     if (status)
@@ -373,12 +440,11 @@ static enum sv_status choose(struct sv_cells *c, struct frame *f, struct sv_erro
     if (status)
         return status;
     band_planes(&view->camera, f->row_first, f->row_end, f->planes);
+    f->report->id = key_of_ring(f, f->at.crowns_first);
+    status = obtain_all(c, f, error);
     f->report->ground_direct = f->ground_ring < 0;
-    f->report->id = sv_cell_key(&f->at.rings, &(struct sv_cell_key_parts){.place = f->at.chain[f->at.crowns_first],
-                                                                         .size = f->size,
-                                                                         .light = f->light_key,
-                                                                         .scene = f->scene_key});
-    return obtain_all(c, f, error);
+    f->report->level = level_of(f, f->first);
+    return status;
 }
 
 /* ---- what is opaque ---- */
@@ -519,12 +585,15 @@ static enum sv_status shade_behind(struct sv_cells *c, const struct frame *f, st
 
 /* ---- crowns ---- */
 
-/* Trees within the innermost cube are in front of all others: the first light. One sample a pixel, softened. */
+/* Trees within the cube of the innermost ring that is drawn from panels are in front of all others: the first light.
+ * Where that is the innermost of all, leaves are pixels large: one sample a pixel, softened. */
 static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, struct sv_draw_stats *stats,
                                 struct sv_error *error)
 {
-    struct sv_cell_place first = f->at.chain[f->at.crowns_first];
-    struct sv_tree_shell shell = {.inner_m = -1, .outer = first.v, .outer_m = f->at.rings.distance_m[f->at.crowns_first]};
+    bool all = f->first == f->at.crowns_first;
+    struct sv_tree_shell shell = {.inner_m = -1,
+                                  .outer = f->at.chain[f->first].v,
+                                  .outer_m = f->at.rings.distance_m[f->first]};
     struct sv_canvas canvas = {.width = c->width,
                                .height = f->view->camera.height,
                                .row_first = c->row_first,
@@ -533,19 +602,21 @@ static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, struc
                                .color = c->near[0]};
     struct sv_resolved_view view = *f->view;
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
-    view.plan.leaf_samples = 1;
+    if (all)
+        view.plan.leaf_samples = 1;
     memcpy(c->near_depth, c->depth, pixels * sizeof *c->depth);
     memset(c->near, 0, pixels * sizeof *c->near);
     enum sv_status status = sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
     return status ? status
-                  : sv_soften(c->width, c->row_count, (const uint8_t(*)[4])c->near, c->light, error);
+                  : sv_soften(c->width, c->row_count, all ? SV_SOFTEN_SIDE : 0, (const uint8_t(*)[4])c->near, c->light,
+                              error);
 }
 
 static void warp_crowns(struct sv_cells *c, const struct frame *f)
 {
     sv_crown_buffer_begin(c->crowns);
     sv_crown_buffer_close(c->crowns, (const float(*)[4])c->light);
-    for (int ring = f->at.crowns_first; ring < f->at.rings.count; ring++) {
+    for (int ring = f->first; ring < f->at.rings.count; ring++) {
         struct sv_crown_source sources[SV_CELL_FACES];
         unsigned count = 0;
         for (int k = 0; k < c->seen_count; k++) {
@@ -611,7 +682,7 @@ enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_v
 {
     struct frame f = {.view = view,
                       .row_end = view->camera.height,
-                      .build = true,
+                      .all = true,
                       .ahead = true,
                       .most = most,
                       .report = report};
@@ -622,7 +693,7 @@ enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_v
 }
 
 enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky, int row_first,
-                             int row_count, bool build, uint8_t *rgba, struct sv_cells_report *report,
+                             int row_count, bool all, uint8_t *rgba, struct sv_cells_report *report,
                              struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_cells *c = cells;
@@ -631,7 +702,7 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
                       .row_first = row_first > APRON ? row_first - APRON : 0,
                       .row_end = end + APRON < height ? end + APRON : height,
                       .sky = sky,
-                      .build = build,
+                      .all = all,
                       .most = UINT32_MAX,
                       .report = report};
     clear(report);

@@ -40,6 +40,7 @@ struct sv_cells_report {
     uint64_t hole_pixels;  /* of the ground before filling */
     uint64_t holes_left;   /* ... and after */
     uint32_t left;         /* panels that are missing still (sv_cells_build) */
+    int level;             /* rings of panels that were used, outermost first (core/cell/admit.h) */
     bool ground_direct;    /* the ground was drawn directly */
     double ms[SV_STAGE_COUNT]; /* cell, warp, near, composite; negative: did not run */
 };
@@ -50,11 +51,11 @@ bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers);
 /* This process, which was forked since, has that slot of the cache. */
 void sv_cells_use_slot(struct sv_cells *cells, unsigned slot);
 /* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB, premultiplied;
- * alpha 255 everywhere where sky is true). Only if every panel is there already where build is false: else SV_ENOENT,
- * with nothing drawn. A panel that others are building, or that the cache has no room for, is built for this view
+ * alpha 255 everywhere where sky is true). From all rings of panels, or, where `all` is false, from those that are there or pay
+ * (core/cell/admit.h): SV_ENOENT, with nothing drawn, where that is none. What no ring shows is drawn directly. A panel that others are building, or that the cache has no room for, is built for this view
  * alone, in memory that goes with it. */
 SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky,
-                                           int row_first, int row_count, bool build, uint8_t *rgba,
+                                           int row_first, int row_count, bool all, uint8_t *rgba,
                                            struct sv_cells_report *report, struct sv_draw_stats *stats,
                                            struct sv_error *error);
 /* Builds panels that the view needs and that are neither there nor being built by others, at most `most` of them;

@@ -21,7 +21,6 @@ struct sv_renderer {
     struct sv_cells_refiner *refiner; /* NULL: not used yet */
     struct sv_cell_cache *cache;
     unsigned slot; /* of cache */
-    double direct_ms[SV_CELL_ADMIT_KINDS]; /* means; 0: not measured */
     struct sv_cells_report report; /* of the last view drawn from cells */
     sv_clock_ms clock;
 };
@@ -245,32 +244,9 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
     return status;
 }
 
-/* Measured times of drawing directly, of pictures of 2^kind pixels: what drawing from cells saves is counted by them. */
-static int kind_of(const struct sv_resolved_view *view)
+static int64_t pixels_of(const struct sv_resolved_view *view)
 {
-    int kind = ilogb((double)view->camera.width * view->camera.height);
-    return kind < SV_CELL_ADMIT_KINDS ? kind : SV_CELL_ADMIT_KINDS - 1;
-}
-
-static void directly_took(struct sv_renderer *r, const struct sv_resolved_view *view, double ms)
-{
-    double *mean = &r->direct_ms[kind_of(view)];
-    *mean = *mean > 0 ? *mean + (ms - *mean) / 8 : ms;
-}
-
-static void learn(struct sv_renderer *r, const struct sv_resolved_view *view, const struct sv_cells_report *report,
-                  double ms)
-{
-    double build_ms = fmax(report->ms[SV_STAGE_CELL], 0), direct_ms = r->direct_ms[kind_of(view)];
-    sv_cell_cache_measured(r->cache, kind_of(view), report->built > 0 ? build_ms * 1e-3 : NAN,
-                           direct_ms > 0 ? (direct_ms - (ms - build_ms)) * 1e-3 : NAN);
-}
-
-/* auto: cells when all panels are there, or when building them pays. */
-static bool admitted(struct sv_renderer *r, const struct sv_resolved_view *view, uint64_t id)
-{
-    struct sv_cell_admit_request request = {.key = id, .kind = kind_of(view), .now_s = now(r) * 1e-3};
-    return view->plan.relief == SV_RELIEF_ON || sv_cell_cache_admit(r->cache, &request);
+    return (int64_t)view->camera.width * view->camera.height;
 }
 
 static void add_stages(const double ms[SV_STAGE_COUNT], struct sv_timings *timings)
@@ -308,11 +284,9 @@ static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_req
     struct sv_cells_report report;
     uint8_t *rgba = picture->layer[SV_LAYER_COLOR].data;
     double since = now(r);
-    bool build = view->plan.relief == SV_RELIEF_ON;
+    bool all = view->plan.relief == SV_RELIEF_ON;
     enum sv_status status =
-        sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, build, rgba, &report, stats, error);
-    if (status == SV_ENOENT && !build && admitted(r, view, report.id))
-        status = sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, true, rgba, &report, stats, error);
+        sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, all, rgba, &report, stats, error);
     stats->cell = (struct sv_cell_use){.kind = SV_CELL_USE_BYPASS, .id = report.id};
     if (status)
         return status;
@@ -320,7 +294,8 @@ static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_req
     stats->cell.hits = report.hits;
     stats->cell.built = report.built;
     stats->cell.refined = report.refined;
-    learn(r, view, &report, now(r) - since);
+    double ms = now(r) - since - fmax(report.ms[SV_STAGE_CELL], 0);
+    sv_cell_cache_drawn(r->cache, pixels_of(view), report.level, ms * 1e-3);
     r->report = report;
     add_stages(report.ms, timings);
     if (!request->sky)
@@ -375,8 +350,8 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
         double since = now(renderer);
         status = draw_raster(renderer, request, view, &picture, timings, told, error);
         told->cell = cell;
-        if (cells)
-            directly_took(renderer, view, now(renderer) - since);
+        if (renderer->cells && sv_cells_can(view, request->layers))
+            sv_cell_cache_drawn(renderer->cache, pixels_of(view), 0, (now(renderer) - since) * 1e-3);
     }
     if (status) {
         sv_picture_finish(&picture);

@@ -8,8 +8,6 @@
 
 #include "core/base/color.h"
 
-static const float MIDDLE = 1 - 2 * SV_SOFTEN_SIDE;
-
 /* Linear light and coverage of a row, and whether it shows anything. */
 static bool decode(int width, const uint8_t (*from)[4], float *to)
 {
@@ -25,19 +23,19 @@ static bool decode(int width, const uint8_t (*from)[4], float *to)
 }
 
 /* Means of a column's three rows, with a pixel more on either side. */
-static void along_columns(int width, const float *above, const float *row, const float *below, float *out)
+static void along_columns(int width, float side, const float *above, const float *row, const float *below, float *out)
 {
     for (int k = 0; k < 4 * width; k++)
-        out[4 + k] = MIDDLE * row[k] + SV_SOFTEN_SIDE * (above[k] + below[k]);
+        out[4 + k] = (1 - 2 * side) * row[k] + side * (above[k] + below[k]);
     memcpy(out, out + 4, 4 * sizeof *out);
     memcpy(out + 4 * (width + 1), out + 4 * width, 4 * sizeof *out);
 }
 
-static void along_row(int width, const float *in, float (*light)[4])
+static void along_row(int width, float side, const float *in, float (*light)[4])
 {
     float *out = light[0];
     for (int k = 0; k < 4 * width; k++)
-        out[k] = MIDDLE * in[4 + k] + SV_SOFTEN_SIDE * (in[k] + in[8 + k]);
+        out[k] = (1 - 2 * side) * in[4 + k] + side * (in[k] + in[8 + k]);
     for (int i = 0; i < width; i++)
         light[i][3] = 1 - light[i][3];
 }
@@ -50,7 +48,7 @@ static void clear(int width, float (*light)[4])
     }
 }
 
-enum sv_status sv_soften(int width, int rows, const uint8_t (*layer)[4], float (*light)[4],
+enum sv_status sv_soften(int width, int rows, float side, const uint8_t (*layer)[4], float (*light)[4],
                          struct sv_error *error)
 {
     size_t columns = 4 * (size_t)width;
@@ -66,9 +64,9 @@ enum sv_status sv_soften(int width, int rows, const uint8_t (*layer)[4], float (
         int row = j - 1, above = row > 0 ? row - 1 : row, below = j < rows ? j : row;
         float(*out)[4] = light + (size_t)row * (size_t)width;
         if (shows[above % 3] || shows[row % 3] || shows[below % 3]) {
-            along_columns(width, room + above % 3 * columns, room + row % 3 * columns,
+            along_columns(width, side, room + above % 3 * columns, room + row % 3 * columns,
                           room + below % 3 * columns, mean);
-            along_row(width, mean, out);
+            along_row(width, side, mean, out);
         } else {
             clear(width, out);
         }

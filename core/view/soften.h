@@ -3,7 +3,7 @@
  * A sample is all or nothing where the truth is the mean over the pixel: edges of leaves and twigs a pixel
  * and more wide stagger, and their gradient energy is 1.5 times the truth's (a step across a pixel: 1 against
  * the mean of t^2 + (1 - t)^2 over its place t, 2/3). Each pixel becomes the mean of its 3 x 3, with weights
- * SV_SOFTEN_SIDE, 1 - 2 SV_SOFTEN_SIDE, SV_SOFTEN_SIDE along both axes, colour and coverage alike: only the
+ * side, 1 - 2 side, side along both axes, colour and coverage alike: only the
  * layer is softened, what is behind it stays sharp. Beyond the first and last column and row the outermost
  * stands for what is not there.
  *
@@ -20,9 +20,9 @@
 
 #define SV_SOFTEN_SIDE 0.1f
 
-/* layer: sRGB codes of linear light, premultiplied by coverage a; light: linear {r, g, b, 1 - coverage}; both
+/* side: SV_SOFTEN_SIDE, or 0 for a layer of many samples, which stays as it is. layer: sRGB codes of linear light, premultiplied by coverage a; light: linear {r, g, b, 1 - coverage}; both
  * width * rows, width and rows > 0. After sv_color_init. SV_ENOMEM, with nothing written. */
-SV_MUST_CHECK enum sv_status sv_soften(int width, int rows, const uint8_t (*layer)[4], float (*light)[4],
+SV_MUST_CHECK enum sv_status sv_soften(int width, int rows, float side, const uint8_t (*layer)[4], float (*light)[4],
                                        struct sv_error *error);
 
 #endif

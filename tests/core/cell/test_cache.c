@@ -604,9 +604,15 @@ static void two_mappings_are_one_cache(void **state)
     assert_true((char *)panel.data - (char *)elsewhere == (char *)made.data - (char *)here);
     assert_filled(&panel, 5000);
     assert_int_equal(sv_cell_cache_release(cache, 5), 1);
-    struct sv_cell_admit_request request = {3, 0, 0, 1e9};
-    sv_cell_cache_measured(other, 0, 1, 1);
-    assert_true(sv_cell_cache_admit(cache, &request));
+    struct sv_cell_admit_request request = {.pixels = 4096, .rings = 1, .ring = {{.key = 3, .crowns = 1}}};
+    assert_false(sv_cell_cache_admit(cache, &request).build);
+    for (int n = 0; n < 4; n++)
+        sv_cell_cache_drawn(other, 4096, 0, 10);
+    for (int n = 0; n < 4; n++)
+        sv_cell_cache_drawn(other, 4096, 1, 1);
+    for (int n = 0; n < 4; n++)
+        sv_cell_cache_built(other, 1, false, 1, 1);
+    assert_true(sv_cell_cache_admit(cache, &request).build);
     munmap(here, BYTES);
     munmap(elsewhere, BYTES);
     close(fd);

@@ -35,7 +35,7 @@ static void check(int width, int rows)
 {
     const double w[3] = {SV_SOFTEN_SIDE, 1 - 2 * SV_SOFTEN_SIDE, SV_SOFTEN_SIDE};
     struct sv_error error;
-    assert_int_equal(sv_soften(width, rows, (const uint8_t(*)[4])layer, light, &error), SV_OK);
+    assert_int_equal(sv_soften(width, rows, SV_SOFTEN_SIDE, (const uint8_t(*)[4])layer, light, &error), SV_OK);
     for (int j = 0; j < rows; j++)
         for (int i = 0; i < width; i++)
             for (int c = 0; c < 4; c++) {
@@ -74,7 +74,7 @@ static void nothing_stays_nothing(void **state)
     (void)state;
     struct sv_error error;
     memset(layer, 0, sizeof layer);
-    assert_int_equal(sv_soften(SIDE, SIDE, (const uint8_t(*)[4])layer, light, &error), SV_OK);
+    assert_int_equal(sv_soften(SIDE, SIDE, SV_SOFTEN_SIDE, (const uint8_t(*)[4])layer, light, &error), SV_OK);
     for (int p = 0; p < SIDE * SIDE; p++)
         for (int c = 0; c < 4; c++)
             assert_true(light[p][c] == (c == 3 ? 1 : 0));
@@ -86,7 +86,7 @@ static void whole_stays_whole(void **state)
     (void)state;
     struct sv_error error;
     memset(layer, 255, sizeof layer);
-    assert_int_equal(sv_soften(SIDE, SIDE, (const uint8_t(*)[4])layer, light, &error), SV_OK);
+    assert_int_equal(sv_soften(SIDE, SIDE, SV_SOFTEN_SIDE, (const uint8_t(*)[4])layer, light, &error), SV_OK);
     for (int p = 0; p < SIDE * SIDE; p++)
         assert_true(fabsf(light[p][0] - 1) < 1e-6f && fabsf(light[p][3]) < 1e-6f);
 }
