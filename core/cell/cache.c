@@ -159,20 +159,42 @@ static enum sv_cell_cache_answer may_build(struct sv_cell_cache *cache, uint64_t
     return look_up(cache, key, SV_CACHE_BUILDING) ? SV_CELL_CACHE_BUILDING : SV_CELL_CACHE_GRANTED;
 }
 
-static struct sv_cache_entry *set_up(struct sv_cell_cache *cache, uint32_t n, uint64_t offset, uint64_t bytes,
-                                     const struct sv_cell_cache_label *label)
+/* What a reservation is for. */
+struct order {
+    unsigned slot;
+    const struct sv_cell_cache_label *label;
+    bool refined;
+    uint64_t since;
+};
+
+/* Memory for a panel, reserved; false where there is none. */
+static bool take(struct sv_cell_cache *cache, const struct order *order, size_t bytes, double now_s,
+                 struct sv_cell_cache_panel *panel)
 {
+    uint64_t wanted = bytes > cache->data_bytes ? UINT64_MAX : aligned(bytes + !bytes, SV_CACHE_PAGE), offset;
+    uint32_t n;
+    if (!sv_cache_make_room(cache, wanted, now_s, &n, &offset)) {
+        cache->count.full++;
+        return false;
+    }
     struct sv_cache_entry *e = sv_cache_entry(cache, n);
     e->serial = ++cache->serial;
     e->offset = offset;
-    e->bytes = bytes;
+    e->bytes = wanted;
     e->used_bytes = 0;
     e->hits = 0;
     e->build_s = e->built_at_s = e->heat = e->heat_at_s = 0;
     memset(e->pins, 0, sizeof e->pins);
     e->doomed = false;
-    e->label = *label;
-    return e;
+    e->label = *order->label;
+    e->builder = (uint8_t)order->slot;
+    e->refined = order->refined;
+    e->since = order->since;
+    sv_cache_set_state(e, SV_CACHE_BUILDING);
+    sv_cache_link(cache, n);
+    sv_cache_order_add(cache, n);
+    hand_out(cache, e, bytes, panel);
+    return true;
 }
 
 enum sv_cell_cache_answer sv_cell_cache_reserve(struct sv_cell_cache *cache, unsigned slot,
@@ -183,22 +205,10 @@ enum sv_cell_cache_answer sv_cell_cache_reserve(struct sv_cell_cache *cache, uns
     assert(slot < SV_CELL_CACHE_SLOTS && label->key != 0);
     if (!lock(cache))
         return SV_CELL_CACHE_FULL;
+    const struct order order = {slot, label, refined, generation};
     enum sv_cell_cache_answer answer = may_build(cache, label->key, refined, generation);
-    uint64_t wanted = bytes > cache->data_bytes ? UINT64_MAX : aligned(bytes + !bytes, SV_CACHE_PAGE), offset;
-    uint32_t n;
-    if (answer == SV_CELL_CACHE_GRANTED && sv_cache_make_room(cache, wanted, now_s, &n, &offset)) {
-        struct sv_cache_entry *e = set_up(cache, n, offset, wanted, label);
-        e->builder = (uint8_t)slot;
-        e->refined = refined;
-        e->since = generation;
-        sv_cache_set_state(e, SV_CACHE_BUILDING);
-        sv_cache_link(cache, n);
-        sv_cache_order_add(cache, n);
-        hand_out(cache, e, bytes, panel);
-    } else if (answer == SV_CELL_CACHE_GRANTED) {
+    if (answer == SV_CELL_CACHE_GRANTED && !take(cache, &order, bytes, now_s, panel))
         answer = SV_CELL_CACHE_FULL;
-        cache->count.full++;
-    }
     unlock(cache);
     return answer;
 }
@@ -227,6 +237,25 @@ static void retire(struct sv_cell_cache *cache, struct sv_cache_entry *e)
 static bool builds(const struct sv_cache_entry *e, unsigned slot)
 {
     return e && sv_cache_state(e) == SV_CACHE_BUILDING && e->builder == slot;
+}
+
+/* The old piece goes first: who is killed in between leaves nothing, as one that was killed before. */
+bool sv_cell_cache_fit(struct sv_cell_cache *cache, unsigned slot, struct sv_cell_cache_panel *panel, size_t bytes,
+                       double now_s)
+{
+    assert(slot < SV_CELL_CACHE_SLOTS && isfinite(now_s));
+    if (!lock(cache))
+        return false;
+    struct sv_cache_entry *e = held(cache, panel);
+    bool fits = false;
+    if (builds(e, slot)) {
+        const struct sv_cell_cache_label label = e->label;
+        const struct order order = {slot, &label, e->refined, e->since};
+        sv_cache_free(cache, panel->entry);
+        fits = !e->doomed && take(cache, &order, bytes, now_s, panel);
+    }
+    unlock(cache);
+    return fits;
 }
 
 bool sv_cell_cache_commit(struct sv_cell_cache *cache, unsigned slot, const struct sv_cell_cache_panel *panel,

@@ -3,7 +3,7 @@
  * The caller maps the block (MAP_SHARED; several GiB are legal), makes the cache in it and forks; whoever has
  * the block mapped uses it, wherever it lies: nothing in it is a pointer. A panel is a piece of bytes of any
  * size, found by its 64-bit key (lattice.h). Life of a panel: reserve (its memory is the builder's alone,
- * others are told that it is being built) -> commit (found by all from then on; its state is the last word
+ * others are told that it is being built) -> fit (more memory, or less) -> commit (found by all from then on; its state is the last word
  * written) -> replaced by a refined one, dropped by a change of the scene, or evicted. Readers pin; what is
  * pinned keeps its bytes, though nobody may find it any more.
  *
@@ -104,6 +104,11 @@ enum sv_cell_cache_answer sv_cell_cache_reserve(struct sv_cell_cache *cache, uns
                                                 const struct sv_cell_cache_label *label, size_t bytes,
                                                 bool refined, uint64_t generation, double now_s,
                                                 struct sv_cell_cache_panel *panel);
+/* Exchanges a reservation for one of that many bytes, whatever is in them: how many a panel takes is known when it is
+ * drawn. False, and nothing is held any more, where there is no room for it, it was dropped meanwhile, or the slot does
+ * not hold it. */
+bool sv_cell_cache_fit(struct sv_cell_cache *cache, unsigned slot, struct sv_cell_cache_panel *panel, size_t bytes,
+                       double now_s);
 /* The panel is complete: used_bytes (<= panel->bytes) of it are kept, the rest is free again. build_s: what
  * it cost, >= 0. The builder holds a pin on it from now on. False where nobody else will find it: it was
  * dropped while it was built. */

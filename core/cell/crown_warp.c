@@ -235,13 +235,11 @@ static float spread_of(const double m[4][4], int row, const double middle[3], co
 static void tile_set(const struct sv_crown_splat *s, double texel, int tx, int ty,
                      const struct sv_panel_tile *tile, struct sv_crown_tile_at *at)
 {
-    int size = s->layer->size, i0 = tx * SV_PANEL_TILE, j0 = ty * SV_PANEL_TILE;
+    int i0 = tx * SV_PANEL_TILE, j0 = ty * SV_PANEL_TILE;
     double xs = (i0 + 0.5) * texel - 1, ys = 1 - (j0 + 0.5) * texel, side = 0.5 * (SV_PANEL_TILE - 1) * texel;
     const double middle[3] = {xs + side, ys - side, 0.5 * (tile->q_min + tile->q_max) / SV_PANEL_Q_ONE};
     const double half[3] = {side, side, 0.5 * (tile->q_max - tile->q_min) / SV_PANEL_Q_ONE};
-    at->texel = (uint32_t)j0 * (uint32_t)size + (uint32_t)i0;
-    at->columns = size - i0 < SV_PANEL_TILE ? size - i0 : SV_PANEL_TILE;
-    at->rows = size - j0 < SV_PANEL_TILE ? size - j0 : SV_PANEL_TILE;
+    at->texel = sv_panel_slot(s->layer, ty * sv_panel_tiles(s->layer->size) + tx) * SV_PANEL_SLOT_CODES;
     for (int k = 0; k < 4; k++)
         at->at[k] = (float)(s->m[k][0] * xs + s->m[k][1] * ys + s->m[k][3]);
     at->spread_x = (float)(0.5 * texel) * spread_of(s->m, 0, middle, half);
@@ -336,6 +334,7 @@ static void inverse_set(const struct sv_crown_source *source, struct sv_crown_in
     v->gv = (float)(half * g[1] / SV_PANEL_Q_ONE);
     v->middle = 0.5f * (float)(source->layer->size - 1);
     v->last = (float)(source->layer->size - 1);
+    v->side = sv_panel_tiles(source->layer->size);
 }
 
 void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,

@@ -15,7 +15,7 @@
  * numerators over w^2, the numerators at their largest in its tile), and SV_CROWN_GROW px more on each side,
  * at most SV_CROWN_HALF_MAX in all: neighbours of one q leave no gap up to magnifications of twice that.
  * Texels with w <= 0, d outside [0, 1] or anything not finite are not drawn. Among equal d the lower source,
- * then the lower texel (row by row) wins.
+ * then the lower texel (tile by tile, and row by row in each) wins.
  *
  * Resolve. With q the stored one of the texel that won, the pixel's centre shows the panel at
  *

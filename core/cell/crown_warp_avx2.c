@@ -173,7 +173,6 @@ static void texels_set(const struct sv_crown_splat *s, const struct sv_crown_til
 static void tile_avx2(const struct sv_crown_splat *s, const struct sv_crown_tile_at *at)
 {
     const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-    int size = s->layer->size;
     struct list list;
     struct texels t;
     __m256 across[2][4];
@@ -184,22 +183,22 @@ static void tile_avx2(const struct sv_crown_splat *s, const struct sv_crown_tile
         for (int k = 0; k < 4; k++)
             across[g][k] = _mm256_mul_ps(i, _mm256_set1_ps(s->du[k]));
     }
-    for (int j = 0; j < at->rows; j++) {
+    for (int j = 0; j < SV_PANEL_TILE; j++) {
         __m128 row = _mm_mul_ps(_mm_set1_ps((float)j), _mm_loadu_ps(s->dv));
         float first[4];
         _mm_storeu_ps(first, _mm_add_ps(_mm_loadu_ps(at->at), row));
-        for (int g = 0; g * LANES < at->columns; g++) {
-            uint32_t texel = at->texel + (uint32_t)(j * size + g * LANES);
+        for (int g = 0; g < SV_PANEL_TILE / LANES; g++) {
+            int slot = j * SV_PANEL_TILE + g * LANES;
+            uint32_t texel = at->texel + (uint32_t)slot;
             __m256i q =
                 _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(const void *)(s->layer->q + texel)));
-            q = _mm256_and_si256(q, _mm256_cmpgt_epi32(_mm256_set1_epi32(at->columns - g * LANES), lane));
             if (_mm256_testz_si256(q, q))
                 continue;
             for (int k = 0; k < 4; k++)
                 t.at[k] = _mm256_add_ps(_mm256_set1_ps(first[k]), across[g][k]);
             __m256i low =
                 _mm256_sub_epi32(_mm256_set1_epi32((int)(SV_CROWN_TAG_MASK - s->tag - texel)), lane);
-            draw8(s->buffer, &t, q, low, j * SV_PANEL_TILE + g * LANES, &list);
+            draw8(s->buffer, &t, q, low, slot, &list);
         }
     }
     list_put(&list, s->buffer->keys);
@@ -276,10 +275,10 @@ static inline __m256 clamp(__m256 v, __m256 hi) /* to [0, hi]; NaN: 0 */
     return _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), hi);
 }
 
-/* Where eight pixels lie on their panel: index of the upper left texel of four, weights between columns (two
+/* Where eight pixels lie on their panel: index of the upper left colour of four, weights between columns (two
  * 16-bit words) and rows. */
 struct place {
-    __m256i texel, across;
+    __m256i color, across;
     __m256 along;
 };
 
@@ -294,6 +293,27 @@ static inline __m256i load_codes(const uint16_t *q, const uint32_t texel[LANES])
     low = _mm_insert_epi16(low, q[texel[3]], 6);
     high = _mm_insert_epi16(high, q[texel[7]], 6);
     return _mm256_set_m128i(high, low);
+}
+
+/* Slots of eight tiles: a tile's last 16 bits. */
+static inline __m256i slots_of(const struct sv_panel_layer *layer, __m256i tile)
+{
+    const int *words = (const int *)(const void *)layer->tiles;
+    tile = _mm256_i32gather_epi32(words + 1, tile, sizeof *layer->tiles);
+    return _mm256_min_epu32(_mm256_srli_epi32(tile, 16), _mm256_set1_epi32((int)layer->last_slot));
+}
+
+/* Index of the colours of texels (i, j). */
+static inline __m256i colors_at(const struct sv_crown_inverse *s, __m256i i, __m256i j)
+{
+    const __m256i inner = _mm256_set1_epi32(SV_PANEL_TILE - 1);
+    __m256i tile = _mm256_mullo_epi32(_mm256_srli_epi32(j, 4), _mm256_set1_epi32(s->side));
+    tile = _mm256_add_epi32(tile, _mm256_srli_epi32(i, 4));
+    i = _mm256_and_si256(i, inner);
+    j = _mm256_and_si256(j, inner);
+    __m256i at = _mm256_add_epi32(_mm256_mullo_epi32(j, _mm256_set1_epi32(SV_PANEL_SLOT_SIDE)), i);
+    __m256i first = _mm256_mullo_epi32(slots_of(s->layer, tile), _mm256_set1_epi32(SV_PANEL_SLOT_COLORS));
+    return _mm256_add_epi32(first, at);
 }
 
 static inline __m256 steepen(__m256 weight)
@@ -326,7 +346,7 @@ static inline struct place locate(const struct sv_crown_inverse *s, __m256i texe
     __m256 fu = steepen(_mm256_sub_ps(u, _mm256_cvtepi32_ps(i)));
     __m256i w = _mm256_cvttps_epi32(_mm256_mul_ps(fu, _mm256_set1_ps(256)));
     struct place place;
-    place.texel = _mm256_add_epi32(_mm256_mullo_epi32(j, _mm256_set1_epi32(s->layer->size)), i);
+    place.color = colors_at(s, i, j);
     place.across = _mm256_or_si256(_mm256_slli_epi32(w, 16), _mm256_sub_epi32(_mm256_set1_epi32(256), w));
     place.along = steepen(_mm256_sub_ps(v, _mm256_cvtepi32_ps(j)));
     return place;
@@ -346,13 +366,13 @@ static inline __m256 blend_row(const uint8_t (*a)[4], const uint8_t (*b)[4], __m
 
 /* Pixels 2 k and 2 k + 1 of eight. */
 static inline __m256 blend2(const struct sv_panel_layer *layer, const struct place *place,
-                            const uint32_t *texels, __m256i pair)
+                            const uint32_t *colors, __m256i pair)
 {
-    const uint8_t(*upper)[4] = layer->color, (*lower)[4] = layer->color + layer->size;
+    const uint8_t(*upper)[4] = layer->color, (*lower)[4] = layer->color + SV_PANEL_SLOT_SIDE;
     __m256i across = _mm256_permutevar8x32_epi32(place->across, pair);
     __m256 along = _mm256_permutevar8x32_ps(place->along, pair);
-    __m256 top = blend_row(upper + texels[0], upper + texels[1], across);
-    __m256 low = blend_row(lower + texels[0], lower + texels[1], across);
+    __m256 top = blend_row(upper + colors[0], upper + colors[1], across);
+    __m256 low = blend_row(lower + colors[0], lower + colors[1], across);
     __m256 mean = _mm256_add_ps(top, _mm256_mul_ps(along, _mm256_sub_ps(low, top)));
     return _mm256_add_ps(mean, _mm256_set1_ps(SV_CROWN_BIAS * 256.0f));
 }
@@ -363,16 +383,16 @@ static inline void compose(const struct sv_crown_inverse *s, __m256i texel, __m2
 {
     const float one = 1 / SV_CROWN_UNIT;
     const __m256 unit = _mm256_setr_ps(one, one, one, -one, one, one, one, -one);
-    uint32_t texels[LANES];
+    uint32_t colors[LANES];
     texel = _mm256_and_si256(texel, chosen);
     struct place place = locate(s, texel, x, y);
-    _mm256_storeu_si256((__m256i *)(void *)texels, place.texel);
+    _mm256_storeu_si256((__m256i *)(void *)colors, place.color);
     unsigned mask = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(chosen));
     for (int k = 0; k < LANES / 2; k++) {
         if (!(mask >> 2 * k & 3))
             continue;
         __m256i pair = _mm256_add_epi32(_mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1), _mm256_set1_epi32(2 * k));
-        __m256 out = blend2(s->layer, &place, texels + 2 * k, pair);
+        __m256 out = blend2(s->layer, &place, colors + 2 * k, pair);
         __m256 l = _mm256_loadu_ps(light[2 * k]), pass = _mm256_mul_ps(_mm256_permute_ps(l, 0xff), unit);
         out = _mm256_add_ps(l, _mm256_mul_ps(pass, out));
         if ((mask >> 2 * k & 3) != 3)

@@ -2,7 +2,7 @@
  * at each SIMD level. Private to core/cell/crown_warp*.c and their tests.
  *
  * The buffer holds a key a pixel, 64 bits: epoch (5, below a 0), bits of the float d in [0, 1] (30),
- * source and texel, inverted (4 + 24). With an epoch of at most 30 keys are finite doubles of the same order,
+ * source and texel (slot and place in it: sv_panel_layer.q's index), inverted (4 + 24). With an epoch of at most 30 keys are finite doubles of the same order,
  * too. The largest wins, so that nearer beats farther and no order of drawing matters; a clear is a new
  * epoch, which beats all that is there, and empties memory once in 30 times. Around the band lies an apron of
  * SV_CROWN_REACH pixels, splatted like the rest, for resolve looks at neighbours.
@@ -64,10 +64,10 @@ struct sv_crown_splat {
     uint32_t tag;                 /* of texel 0 */
 };
 
-/* A tile of a source. Half a texel's box is spread / w^2 and SV_CROWN_GROW. */
+/* A tile of a source, of all 16 x 16 texels (none is occupied beyond the panel's end). Half a texel's box is spread /
+ * w^2 and SV_CROWN_GROW. */
 struct sv_crown_tile_at {
     uint32_t texel; /* the first */
-    int columns, rows;
     float at[4], spread_x, spread_y;
 };
 typedef void (*sv_crown_tile)(const struct sv_crown_splat *splat, const struct sv_crown_tile_at *tile);
@@ -79,6 +79,7 @@ struct sv_crown_inverse {
     bool legal;
     float at[3], dx[3], dy[3];
     float gw, gu, gv, middle, last; /* middle: (size - 1) / 2; last: size - 1 */
+    int side;                       /* tiles */
 };
 
 struct sv_crown_resolve {

@@ -37,9 +37,9 @@ static void put_texel(const struct sv_crown_splat *s, const struct sv_crown_tile
 
 static void draw_tile(const struct sv_crown_splat *s, const struct sv_crown_tile_at *at)
 {
-    for (int j = 0; j < at->rows; j++)
-        for (int i = 0; i < at->columns; i++) {
-            uint32_t texel = at->texel + (uint32_t)(j * s->layer->size + i);
+    for (int j = 0; j < SV_PANEL_TILE; j++)
+        for (int i = 0; i < SV_PANEL_TILE; i++) {
+            uint32_t texel = at->texel + (uint32_t)(j * SV_PANEL_TILE + i);
             uint16_t code = s->layer->q[texel];
             float p[4];
             if (code == 0)
@@ -90,8 +90,8 @@ static void blend(const struct sv_panel_layer *layer, float u, float v, float ou
     j = j < last ? j : last;
     int wu = (int)(steepen(u - (float)i) * 256);
     float fv = steepen(v - (float)j);
-    const uint8_t(*t)[4] = layer->color + (size_t)j * (size_t)layer->size + (size_t)i;
-    const uint8_t(*b)[4] = t + layer->size;
+    const uint8_t(*t)[4] = (const uint8_t(*)[4])(const void *)sv_panel_color(layer, i, j);
+    const uint8_t(*b)[4] = t + SV_PANEL_SLOT_SIDE;
     for (int c = 0; c < 4; c++) {
         float top = (float)(linear_of(t[0][c], c) * (256 - wu) + linear_of(t[1][c], c) * wu);
         float low = (float)(linear_of(b[0][c], c) * (256 - wu) + linear_of(b[1][c], c) * wu);

@@ -1,5 +1,5 @@
-/* panel_crowns.c - crowns of a panel out of a drawn canvas: decode, mean, codes; unknown q from neighbours;
- * tiles. One pass each, row by row, in plain loops that compilers turn into vectors. */
+/* panel_crowns.c - crowns of a panel out of a drawn canvas: decode, mean, codes; unknown q from neighbours.
+ * One pass each, row by row, in plain loops that compilers turn into vectors. */
 #include "core/cell/panel.h"
 
 #include <math.h>
@@ -130,45 +130,6 @@ static enum sv_status spread(const struct sv_panel_room *room, struct sv_error *
     return SV_OK;
 }
 
-/* Lanes of 16 columns, so that compilers make vectors of them. Code 0 less 1 is the largest number: never the
- * least. */
-static inline void set_tile(const uint16_t *q, int size, const int columns, int rows,
-                            struct sv_panel_tile *tile)
-{
-    uint16_t low[SV_PANEL_TILE], high[SV_PANEL_TILE] = {0}, count[SV_PANEL_TILE] = {0};
-    memset(low, 255, sizeof low);
-    for (int j = 0; j < rows; j++, q += size)
-        for (int i = 0; i < columns; i++) {
-            uint16_t code = q[i], less = (uint16_t)(code - 1);
-            low[i] = less < low[i] ? less : low[i];
-            high[i] = code > high[i] ? code : high[i];
-            count[i] = (uint16_t)(count[i] + (code != 0));
-        }
-    *tile = (struct sv_panel_tile){65535, 0, 0, 0};
-    for (int i = 0; i < columns; i++) {
-        tile->q_min = low[i] < tile->q_min ? low[i] : tile->q_min;
-        tile->q_max = high[i] > tile->q_max ? high[i] : tile->q_max;
-        tile->count = (uint16_t)(tile->count + count[i]);
-    }
-    tile->q_min++; /* of none: 0 */
-}
-
-void sv_panel_set_tiles(const struct sv_panel_room *room)
-{
-    int side = sv_panel_tiles(room->size), size = room->size;
-    for (int j = 0; j < side; j++)
-        for (int i = 0; i < side; i++) {
-            int x = i * SV_PANEL_TILE, y = j * SV_PANEL_TILE;
-            int rows = size - y < SV_PANEL_TILE ? size - y : SV_PANEL_TILE;
-            const uint16_t *q = room->q + (size_t)y * (size_t)size + (size_t)x;
-            struct sv_panel_tile *tile = &room->tiles[j * side + i];
-            if (size - x >= SV_PANEL_TILE)
-                set_tile(q, size, SV_PANEL_TILE, rows, tile);
-            else
-                set_tile(q, size, size - x, rows, tile);
-        }
-}
-
 enum sv_status sv_panel_crowns(const struct sv_panel_drawing *drawing, const struct sv_panel_room *room,
                                struct sv_error *error)
 {
@@ -179,11 +140,5 @@ enum sv_status sv_panel_crowns(const struct sv_panel_drawing *drawing, const str
         root[k] = (uint8_t)(255 * sqrtf(sv_linear_from_srgb8[k]) + 0.5f);
     for (int j = 0; j < room->size; j++)
         unknown += drawing->scale == 1 ? take_row(drawing, root, j, room) : mean_row(drawing, j, room);
-    if (unknown > 0) {
-        enum sv_status status = spread(room, error);
-        if (status != SV_OK)
-            return status;
-    }
-    sv_panel_set_tiles(room);
-    return SV_OK;
+    return unknown > 0 ? spread(room, error) : SV_OK;
 }

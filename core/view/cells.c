@@ -222,21 +222,27 @@ static struct sv_cell_cache_label label_of(const struct frame *f, const struct s
     return label;
 }
 
-/* Memory for a panel: in the cache, or of this process where the cache has none to give. Nothing, while others build
- * it or there is no room, unless it must be. */
-static enum sv_status reserve(struct sv_cells *c, const struct sv_cell_cache_label *label, size_t bytes, bool must,
-                              struct seen *s, struct sv_error *error)
+/* Tells others that the panel is being built; false where they build it, or there is no room. */
+static bool claim(struct sv_cells *c, const struct sv_cell_cache_label *label, struct seen *s)
 {
-    if (sv_cell_cache_reserve(c->options.cache, c->options.slot, label, bytes, false, c->scene->generation,
-                              now(c) * 1e-3, &s->pin) == SV_CELL_CACHE_GRANTED) {
+    if (sv_cell_cache_reserve(c->options.cache, c->options.slot, label, 1, false, c->scene->generation, now(c) * 1e-3,
+                              &s->pin) == SV_CELL_CACHE_GRANTED)
         s->held = HELD_SHARED;
-    } else if (must) {
-        s->pin = (struct sv_cell_cache_panel){.data = aligned_alloc(4096, (bytes + 4095) / 4096 * 4096),
-                                              .bytes = bytes};
-        if (!s->pin.data)
-            return sv_fail(error, SV_ENOMEM, "relief", "no memory for a panel of %zu bytes", bytes);
-        s->held = HELD_OWN;
-    }
+    return s->held == HELD_SHARED;
+}
+
+/* Memory for a panel that is drawn: in the cache where it is claimed, or of this process where the cache has none to
+ * give, if it must be. */
+static enum sv_status make_place(struct sv_cells *c, size_t bytes, bool must, struct seen *s, struct sv_error *error)
+{
+    if (s->held == HELD_SHARED && !sv_cell_cache_fit(c->options.cache, c->options.slot, &s->pin, bytes, now(c) * 1e-3))
+        s->held = HELD_NOT;
+    if (s->held == HELD_SHARED || !must)
+        return SV_OK;
+    s->pin = (struct sv_cell_cache_panel){.data = aligned_alloc(4096, (bytes + 4095) / 4096 * 4096), .bytes = bytes};
+    if (!s->pin.data)
+        return sv_fail(error, SV_ENOMEM, "relief", "no memory for a panel of %zu bytes", bytes);
+    s->held = HELD_OWN;
     return SV_OK;
 }
 
@@ -272,18 +278,22 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
     enum sv_status status = sv_panels_size(c->panels, &order, &order.about.size, error);
     if (status)
         return status;
-    size_t bytes = sv_panel_bytes(order.about.size, s->layer);
-    status = reserve(c, label, bytes, must, s, error);
+    if (!claim(c, label, s) && !must)
+        return SV_OK;
+    size_t bytes;
+    status = sv_panels_draw(c->panels, &order, &bytes, error);
+    if (!status)
+        status = make_place(c, bytes, must, s, error);
+    f->report->built += !status; /* also in vain: so many may be drawn */
     if (status || s->held == HELD_NOT)
         return status;
-    status = sv_panels_draw(c->panels, &order, s->pin.data, s->pin.bytes, error);
+    status = sv_panels_write(c->panels, s->pin.data, bytes, error);
     if (status)
         return status;
     double ms = now(c) - since;
     if (s->held == HELD_SHARED)
         sv_cell_cache_commit(c->options.cache, c->options.slot, &s->pin, bytes, ms * 1e-3, now(c) * 1e-3);
     sv_cell_cache_built(c->options.cache, level_of(f, s->ring), s->layer == SV_PANEL_GROUND, panel_work(f), ms * 1e-3);
-    f->report->built++;
     f->report->ms[SV_STAGE_CELL] = fmax(f->report->ms[SV_STAGE_CELL], 0) + ms;
     return SV_OK;
 }
@@ -477,32 +487,24 @@ static enum sv_status draw_ground_directly(struct sv_cells *c, const struct fram
     return status;
 }
 
-/* Rows of a ground panel that hold anything in view: by blocks, each the hull of its four corner directions
- * at q = 0 and its corner points at q = 1; and not above the first that is not empty. */
+/* Rows of a ground panel that are stored and hold anything in view: by blocks, each the hull of its four corner
+ * directions at q = 0 and its corner points at q = 1; and one more above: what is torn off there is not cut off. */
 static void rows_in_view(const struct frame *f, const struct seen *s, int *first, int *end)
 {
     enum { BLOCK = 16 };
-    int size = s->panel.ground.size;
+    const struct sv_panel_ground *ground = &s->panel.ground;
+    int size = ground->size, last = ground->first + ground->rows;
     double reach = sv_panels_ground_reach(size);
-    *first = size;
-    *end = 0;
-    for (int j = 0; j < size; j += BLOCK) {
+    *first = last;
+    *end = ground->first;
+    for (int j = ground->first; j < last; j += BLOCK) {
         double top = reach * (1 - 2.0 * j / size), bottom = reach * (1 - 2.0 * (j + BLOCK) / size);
         if (!strip_in_view(f, s->panel.about.place.v, s->panel.about.distance_m, s->face, reach, bottom, top))
             continue;
         *first = *first < j ? *first : j;
-        *end = j + BLOCK < size ? j + BLOCK : size;
+        *end = j + BLOCK < last ? j + BLOCK : last;
     }
-    const float *q = s->panel.ground.q;
-    for (; *first < *end; (*first)++) {
-        bool any = false;
-        for (int i = 0; i < size; i++)
-            any |= q[(size_t)*first * (size_t)size + (size_t)i] > 0;
-        if (any)
-            break;
-    }
-    *first = *first > 0 && *first < *end ? *first - 1
-                                         : *first; /* its neighbours above are torn off, not cut off */
+    *first -= *first > ground->first && *first < *end;
 }
 
 /* Ground sources among what is seen; the map's rows begin with the band. */
@@ -521,10 +523,11 @@ static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
             count--;
             continue;
         }
+        size_t skip = (size_t)(first - s->panel.ground.first) * (size_t)size;
         *to = (struct sv_warp_source){size,
                                       end - first,
-                                      s->panel.ground.q + (size_t)first * (size_t)size,
-                                      s->panel.ground.color + (size_t)first * (size_t)size,
+                                      s->panel.ground.q + skip,
+                                      s->panel.ground.color + skip,
                                       SV_PANEL_GROUND_CUT * 2 / (float)size,
                                       {{{0}}}};
         struct sv_sweep sweep = {.v = s->panel.about.place.v,

@@ -13,7 +13,6 @@ struct sv_cells_refiner {
     /* What is begun; refinement NULL: nothing. */
     struct sv_panels_refinement *refinement;
     uint64_t key, version; /* of the panel; of the scene then */
-    size_t bytes;
     double spent_ms;
     struct sv_cell_cache_panel pin;
 };
@@ -73,7 +72,7 @@ static bool is_built(const struct sv_cells_refiner *r, const struct sv_cells_pan
     return well && *size == panel->order.about.size;
 }
 
-/* Begins with the panel, if the cache has room for it. */
+/* Begins with the panel, unless others refine it. */
 static enum sv_status begin(struct sv_cells_refiner *r, const struct sv_cells_panel *panel, int size,
                             const struct sv_cells_refine_options *options, struct sv_error *error)
 {
@@ -81,18 +80,27 @@ static enum sv_status begin(struct sv_cells_refiner *r, const struct sv_cells_pa
     double since = now(r);
     int larger = size * options->scale;
     order.about.size = larger <= SV_PANEL_SIZE_MAX ? larger : size;
-    r->bytes = sv_panel_bytes(order.about.size, order.about.layers);
-    if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, r->bytes, true, r->scene->generation,
+    if (sv_cell_cache_reserve(r->options.cache, r->options.slot, &panel->label, 1, true, r->scene->generation,
                               since * 1e-3, &r->pin) != SV_CELL_CACHE_GRANTED)
         return SV_OK;
-    enum sv_status status = sv_panels_refine_begin(r->scene, r->truth, &order, options->samples, r->pin.data,
-                                                   r->pin.bytes, &r->refinement, error);
+    enum sv_status status =
+        sv_panels_refine_begin(r->scene, r->truth, &order, options->samples, &r->refinement, error);
     if (status)
         sv_cell_cache_unpin(r->options.cache, r->options.slot, &r->pin);
     r->key = panel->label.key;
     r->version = r->scene->version;
     r->spent_ms = now(r) - since;
     return status;
+}
+
+/* Puts the whole panel in the built one's place, if the cache has room for it. */
+static void put(struct sv_cells_refiner *r)
+{
+    struct sv_error ignored;
+    size_t bytes = sv_panels_refine_measure(r->refinement);
+    if (sv_cell_cache_fit(r->options.cache, r->options.slot, &r->pin, bytes, now(r) * 1e-3) &&
+        sv_panels_refine_write(r->refinement, r->pin.data, bytes, &ignored) == SV_OK)
+        sv_cell_cache_commit(r->options.cache, r->options.slot, &r->pin, bytes, r->spent_ms * 1e-3, now(r) * 1e-3);
 }
 
 /* Goes on with what is begun; false: stopped. */
@@ -106,8 +114,7 @@ static bool go_on(struct sv_cells_refiner *r, const struct sv_cells_refine_optio
     r->spent_ms += now(r) - since;
     if (more)
         return false;
-    sv_cell_cache_commit(r->options.cache, r->options.slot, &r->pin, r->bytes, r->spent_ms * 1e-3,
-                         now(r) * 1e-3);
+    put(r);
     end(r);
     return true;
 }

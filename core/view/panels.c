@@ -14,7 +14,9 @@ struct sv_panels {
     struct sv_sweep_blocks *blocks;
     uint8_t *color; /* canvas of a crowns panel */
     float *depth;
-    size_t room;
+    size_t pixels;
+    struct sv_panel_room rooms[2]; /* crowns, ground; size 0: none yet */
+    struct sv_panel_about drawn;
 };
 
 enum sv_status sv_panels_create(const struct sv_scene *scene, struct sv_direct *direct,
@@ -41,22 +43,35 @@ void sv_panels_destroy(struct sv_panels *panels)
     sv_sweep_blocks_destroy(panels->blocks);
     free(panels->color);
     free(panels->depth);
+    for (int k = 0; k < 2; k++)
+        sv_panel_room_finish(&panels->rooms[k]);
     free(panels);
 }
 
-static enum sv_status make_room(struct sv_panels *p, size_t pixels, struct sv_error *error)
+static enum sv_status make_canvas(struct sv_panels *p, size_t pixels, struct sv_error *error)
 {
-    if (p->room >= pixels)
+    if (p->pixels >= pixels)
         return SV_OK;
     free(p->color);
     free(p->depth);
-    p->room = 0;
+    p->pixels = 0;
     p->color = malloc(4 * pixels);
     p->depth = malloc(pixels * sizeof *p->depth);
     if (!p->color || !p->depth)
         return sv_fail(error, SV_ENOMEM, "relief", "no memory to draw a panel of %zu texels", pixels);
-    p->room = pixels;
+    p->pixels = pixels;
     return SV_OK;
+}
+
+/* A room for one layer. */
+static enum sv_status make_room(struct sv_panels *p, const struct sv_panel_about *about, struct sv_panel_room **room,
+                                struct sv_error *error)
+{
+    *room = &p->rooms[about->layers & SV_PANEL_CROWNS ? 0 : 1];
+    if ((*room)->size == about->size)
+        return SV_OK;
+    sv_panel_room_finish(*room);
+    return sv_panel_room_create(about->size, about->layers, *room, error);
 }
 
 double sv_panels_ground_reach(int size)
@@ -114,7 +129,7 @@ static enum sv_status draw_crowns(struct sv_panels *p, const struct sv_panels_or
                                   const struct sv_panel_room *room, struct sv_error *error)
 {
     size_t pixels = (size_t)order->about.size * (size_t)order->about.size;
-    enum sv_status status = make_room(p, pixels, error);
+    enum sv_status status = make_canvas(p, pixels, error);
     if (status)
         return status;
     memset(p->color, 0, 4 * pixels);
@@ -194,15 +209,25 @@ static enum sv_status draw_ground(struct sv_panels *p, const struct sv_panels_or
     return sv_direct_ground_panel(p->direct, order->view, &sweep, room->ground_q, room->ground_color, error);
 }
 
-enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, void *block,
-                              size_t bytes, struct sv_error *error)
+enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order, size_t *bytes,
+                              struct sv_error *error)
 {
-    struct sv_panel_room room;
-    enum sv_status status = sv_panel_init(block, bytes, &order->about, &room, error);
+    struct sv_panel_room *room;
+    enum sv_status status = make_room(panels, &order->about, &room, error);
+    if (!status)
+        status = order->about.layers & SV_PANEL_CROWNS ? draw_crowns(panels, order, room, error)
+                                                       : draw_ground(panels, order, room, error);
     if (status)
         return status;
-    return order->about.layers & SV_PANEL_CROWNS ? draw_crowns(panels, order, &room, error)
-                                                 : draw_ground(panels, order, &room, error);
+    panels->drawn = order->about;
+    *bytes = sv_panel_measure(room);
+    return SV_OK;
+}
+
+enum sv_status sv_panels_write(const struct sv_panels *panels, void *block, size_t bytes, struct sv_error *error)
+{
+    const struct sv_panel_room *room = &panels->rooms[panels->drawn.layers & SV_PANEL_CROWNS ? 0 : 1];
+    return sv_panel_write(room, &panels->drawn, block, bytes, error);
 }
 
 static bool meets_object(const struct sv_panels *p, struct sv_vec3 v, double half_m)

@@ -1,5 +1,4 @@
-/* panels.h - draws the panels of cells: crowns and ground, into memory that the caller gives
- * (core/cell/panel.h). */
+/* panels.h - draws the panels of cells: crowns and ground (core/cell/panel.h). */
 #ifndef SV_VIEW_PANELS_H
 #define SV_VIEW_PANELS_H
 
@@ -30,9 +29,12 @@ struct sv_camera sv_panels_camera(const struct sv_panels_order *order);
  */
 SV_MUST_CHECK enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_order *order,
                                             int *size, struct sv_error *error);
-/* Draws it into a block of sv_panel_bytes(...) bytes. Errors of direct.h. */
+/* Draws it, and keeps it until the next one is drawn; *bytes: of the block that holds it. Errors of direct.h. */
 SV_MUST_CHECK enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order,
-                                            void *block, size_t bytes, struct sv_error *error);
+                                            size_t *bytes, struct sv_error *error);
+/* Writes the panel that was drawn last into a block of at least as many bytes. Errors of sv_panel_write. */
+SV_MUST_CHECK enum sv_status sv_panels_write(const struct sv_panels *panels, void *block, size_t bytes,
+                                             struct sv_error *error);
 
 /* The half side of the largest cube of a ring, outermost first, about its place's reference point that
  * touches neither ground nor object: that ring, or -1. */

@@ -50,14 +50,9 @@ static enum sv_status gather_trees(struct sv_panels_refinement *r, const struct 
 }
 
 enum sv_status sv_panels_refine_begin(const struct sv_scene *scene, const struct sv_truth *truth,
-                                      const struct sv_panels_order *order, int samples, void *block,
-                                      size_t bytes, struct sv_panels_refinement **refinement,
-                                      struct sv_error *error)
+                                      const struct sv_panels_order *order, int samples,
+                                      struct sv_panels_refinement **refinement, struct sv_error *error)
 {
-    struct sv_panel_room room;
-    enum sv_status status = sv_panel_init(block, bytes, &order->about, &room, error);
-    if (status)
-        return status;
     size_t width = (size_t)order->about.size;
     struct sv_panels_refinement *r = calloc(1, sizeof *r);
     if (!r)
@@ -67,12 +62,12 @@ enum sv_status sv_panels_refine_begin(const struct sv_scene *scene, const struct
         .options = {samples, order->view->plan.shadows, order->view->plan.draw_trees},
         .camera = sv_panels_camera(order),
         .about = order->about,
-        .room = room,
         .linear = malloc(width * sizeof *r->linear),
         .inverse_m = malloc(width * sizeof *r->inverse_m)};
     sv_light_from_sun(&order->view->sun, &r->light);
     r->light.air = order->view->air;
-    if (!r->linear || !r->inverse_m)
+    enum sv_status status = sv_panel_room_create(order->about.size, order->about.layers, &r->room, error);
+    if (!status && (!r->linear || !r->inverse_m))
         status = sv_fail(error, SV_ENOMEM, "relief", "no memory for a row of %zu texels", width);
     if (!status && order->about.layers & SV_PANEL_CROWNS)
         status = gather_trees(r, scene, order, error);
@@ -135,10 +130,19 @@ bool sv_panels_refine_row(struct sv_panels_refinement *r)
         else
             ground_row(r);
         r->next++;
-        if (crowns && r->next == r->about.size)
-            sv_panel_set_tiles(&r->room);
     }
     return r->next < r->about.size;
+}
+
+size_t sv_panels_refine_measure(struct sv_panels_refinement *r)
+{
+    return sv_panel_measure(&r->room);
+}
+
+enum sv_status sv_panels_refine_write(const struct sv_panels_refinement *r, void *block, size_t bytes,
+                                      struct sv_error *error)
+{
+    return sv_panel_write(&r->room, &r->about, block, bytes, error);
 }
 
 void sv_panels_refine_destroy(struct sv_panels_refinement *r)
@@ -146,6 +150,7 @@ void sv_panels_refine_destroy(struct sv_panels_refinement *r)
     if (!r)
         return;
     sv_truth_part_destroy(r->part);
+    sv_panel_room_finish(&r->room);
     free(r->linear);
     free(r->inverse_m);
     free(r);

@@ -16,16 +16,20 @@
 
 struct sv_panels_refinement;
 
-/* Begins to draw the panel into a block of sv_panel_bytes(...) bytes, which nobody reads before it is
- * finished. samples: 1, 4, 16 or 64. Borrows scene, truth and block until it is destroyed; the order's view
- * is copied. When the scene changes, it is only to be destroyed. Errors of sv_panel_init and
+/* Begins to draw the panel. samples: 1, 4, 16 or 64. Borrows scene and truth until it is destroyed; the order's view
+ * is copied. When the scene changes, it is only to be destroyed. Errors of sv_panel_room_create and
  * sv_truth_part_create. */
 SV_MUST_CHECK enum sv_status
 sv_panels_refine_begin(const struct sv_scene *scene, const struct sv_truth *truth,
-                       const struct sv_panels_order *order, int samples, void *block, size_t bytes,
+                       const struct sv_panels_order *order, int samples,
                        struct sv_panels_refinement **refinement, struct sv_error *error);
-/* Draws the next row; false when none is left, and the block is whole. */
+/* Draws the next row; false when none is left, and the panel is whole. */
 bool sv_panels_refine_row(struct sv_panels_refinement *refinement);
+/* Bytes of the block that holds the whole panel. */
+size_t sv_panels_refine_measure(struct sv_panels_refinement *refinement);
+/* Writes it, measured, into a block of at least as many bytes. Errors of sv_panel_write. */
+SV_MUST_CHECK enum sv_status sv_panels_refine_write(const struct sv_panels_refinement *refinement, void *block,
+                                                    size_t bytes, struct sv_error *error);
 /* NULL is legal. */
 void sv_panels_refine_destroy(struct sv_panels_refinement *refinement);
 

@@ -133,16 +133,19 @@ static void build(struct stand *s, const struct options *o, const struct sv_cell
                                    .size = o->size,
                                    .layers = SV_PANEL_CROWNS};
     struct sv_panel_room room;
-    size_t bytes = sv_panel_bytes(o->size, SV_PANEL_CROWNS), n = (size_t)side * (size_t)side;
+    size_t n = (size_t)side * (size_t)side;
     uint8_t *color = want(n * 4);
     float *depth = want(n * sizeof *depth);
     sv_cell_face_axes(face, &camera.right, &camera.up, &camera.forward);
     draw(s, &camera, &filter, color, depth);
     struct sv_panel_drawing drawing = {color, depth, NULL, 2, o->scale};
-    *block = want(bytes);
-    if (sv_panel_init(*block, bytes, &about, &room, NULL) || sv_panel_crowns(&drawing, &room, NULL) ||
-        sv_panel_open(*block, bytes, panel, NULL))
+    if (sv_panel_room_create(o->size, SV_PANEL_CROWNS, &room, NULL) || sv_panel_crowns(&drawing, &room, NULL))
         die("panel");
+    size_t bytes = sv_panel_measure(&room);
+    *block = want(bytes);
+    if (sv_panel_write(&room, &about, *block, bytes, NULL) || sv_panel_open(*block, bytes, panel, NULL))
+        die("panel");
+    sv_panel_room_finish(&room);
     free(color);
     free(depth);
 }

@@ -65,7 +65,7 @@ static void close_gaps(const struct sv_panel_layer *crowns, bool rows, float *q)
         for (int k = 0; k < 2 * n; k++) { /* there and back: what is before the first crown has the first's */
             int b = k < n ? k : 2 * n - 1 - k;
             size_t at = rows ? (size_t)a * (size_t)n + (size_t)b : (size_t)b * (size_t)n + (size_t)a;
-            uint16_t code = crowns->q[at];
+            uint16_t code = rows ? sv_panel_code(crowns, b, a) : sv_panel_code(crowns, a, b);
             if (code)
                 last = (float)code / SV_PANEL_Q_ONE;
             if (k < n || q[at] == 0)
@@ -91,7 +91,7 @@ static struct sv_cell_jumps crown_jumps(const struct sv_panel_layer *crowns)
     along.yy = up.yy;
     along.texels = 0;
     for (size_t k = 0; k < texels; k++)
-        along.texels += crowns->q[k] != 0;
+        along.texels += sv_panel_code(crowns, (int)k % crowns->size, (int)k / crowns->size) != 0;
     return along;
 }
 
@@ -102,23 +102,39 @@ struct seen {
     double gradient; /* step from texel to texel to the right and down, of 255, times share */
 };
 
-/* One channel of a texel, crowns before grey: their edges count, too. */
-static double level(const struct sv_panel *panel, size_t at, int channel)
+/* Index of a texel in the ground's rows that are stored, or -1. */
+static ptrdiff_t ground_at(const struct sv_panel_ground *ground, int i, int j)
 {
+    bool stored = j >= ground->first && j < ground->first + ground->rows;
+    return stored ? (ptrdiff_t)(j - ground->first) * ground->size + i : -1;
+}
+
+static double q_of(const struct sv_panel *panel, int i, int j)
+{
+    ptrdiff_t at = panel->ground.size > 0 ? ground_at(&panel->ground, i, j) : -1;
     if (panel->ground.size > 0)
-        return panel->ground.color[at][channel];
-    return panel->crowns.color[at][channel] + GREY * (1 - panel->crowns.color[at][3] / 255.0);
+        return at < 0 ? 0 : (double)panel->ground.q[at];
+    return (double)sv_panel_code(&panel->crowns, i, j) / SV_PANEL_Q_ONE;
+}
+
+/* One channel of a texel, crowns before grey: their edges count, too. */
+static double level(const struct sv_panel *panel, int i, int j, int channel)
+{
+    ptrdiff_t at = panel->ground.size > 0 ? ground_at(&panel->ground, i, j) : -1;
+    if (panel->ground.size > 0)
+        return at < 0 ? 0 : panel->ground.color[at][channel];
+    const uint8_t *color = sv_panel_color(&panel->crowns, i, j);
+    return color[channel] + GREY * (1 - color[3] / 255.0);
 }
 
 static double gradient_at(const struct sv_panel *panel, int size, int i, int j)
 {
-    size_t at = (size_t)j * (size_t)size + (size_t)i;
     double sum = 0;
     if (i + 1 >= size || j + 1 >= size)
         return 0;
     for (int c = 0; c < 3; c++)
-        sum += fabs(level(panel, at, c) - level(panel, at + 1, c)) +
-               fabs(level(panel, at, c) - level(panel, at + (size_t)size, c));
+        sum += fabs(level(panel, i, j, c) - level(panel, i + 1, j, c)) +
+               fabs(level(panel, i, j, c) - level(panel, i, j + 1, c));
     return sum / 3;
 }
 
@@ -144,8 +160,7 @@ static struct seen seen_of(const struct sv_panel *panel, const struct sv_camera 
     sv_cell_face_axes(panel->about.face, &right, &up, &forward);
     for (int j = STRIDE / 2; j < size; j += STRIDE)
         for (int i = STRIDE / 2; i < size; i += STRIDE) {
-            size_t at = (size_t)j * (size_t)size + (size_t)i;
-            double q = ground ? (double)panel->ground.q[at] : (double)panel->crowns.q[at] / SV_PANEL_Q_ONE;
+            double q = q_of(panel, i, j);
             if (!(q > 0))
                 continue;
             double xs = 2 * (i + 0.5) / size - 1, ys = 1 - 2 * (j + 0.5) / size, x, y, depth;
@@ -171,11 +186,17 @@ static void predict_panel(const struct sv_panel *panel, const struct sv_camera *
     struct sv_region_panel p = {
         .face = panel->about.face, .size = ground ? panel->ground.size : panel->crowns.size, .q_most = 1};
     if (ground) {
-        sv_cell_jumps_measure(panel->ground.q, p.size, SV_PANEL_GROUND_CUT * 2 / (float)p.size, &p.jumps);
+        float *q = calloc((size_t)p.size * (size_t)p.size, sizeof *q);
+        if (!q)
+            abort();
+        memcpy(q + panel->ground.first * p.size, panel->ground.q,
+               (size_t)panel->ground.rows * (size_t)p.size * sizeof *q);
+        sv_cell_jumps_measure(q, p.size, SV_PANEL_GROUND_CUT * 2 / (float)p.size, &p.jumps);
+        free(q);
     } else {
         p.jumps = crown_jumps(&panel->crowns);
         for (size_t k = 0; k < (size_t)p.size * (size_t)p.size; k++)
-            p.q_most = fmax(p.q_most, (double)panel->crowns.q[k] / SV_PANEL_Q_ONE);
+            p.q_most = fmax(p.q_most, q_of(panel, (int)k % p.size, (int)k / p.size));
     }
     struct sv_region_view view = {.focal_px = sv_camera_focal_px(camera),
                                   .width = camera->width,

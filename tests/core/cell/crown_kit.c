@@ -5,23 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-void crown_panel_make(int size, struct crown_panel *p)
+void crown_panel_pack(struct crown_panel *p)
 {
     struct sv_panel_about about = {
-        .distance_m = 20, .face = SV_CELL_NORTH, .size = size, .layers = SV_PANEL_CROWNS};
-    size_t bytes = sv_panel_bytes(size, SV_PANEL_CROWNS);
+        .distance_m = 20, .face = SV_CELL_NORTH, .size = p->room.size, .layers = SV_PANEL_CROWNS};
+    size_t bytes = sv_panel_measure(&p->room);
+    free(p->block);
     p->block = aligned_alloc(SV_PANEL_ALIGN, bytes);
-    if (!p->block || sv_panel_init(p->block, bytes, &about, &p->room, NULL) != SV_OK)
+    if (!p->block || sv_panel_write(&p->room, &about, p->block, bytes, NULL) != SV_OK ||
+        sv_panel_open(p->block, bytes, &p->panel, NULL) != SV_OK)
+        abort();
+}
+
+void crown_panel_make(int size, struct crown_panel *p)
+{
+    p->block = NULL;
+    if (sv_panel_room_create(size, SV_PANEL_CROWNS, &p->room, NULL) != SV_OK)
         abort();
     memset(p->room.color, 0, (size_t)size * (size_t)size * 4);
     memset(p->room.q, 0, (size_t)size * (size_t)size * 2);
-    sv_panel_set_tiles(&p->room);
-    if (sv_panel_open(p->block, bytes, &p->panel, NULL) != SV_OK)
-        abort();
+    crown_panel_pack(p);
 }
 
 void crown_panel_free(struct crown_panel *p)
 {
+    sv_panel_room_finish(&p->room);
     free(p->block);
 }
 
@@ -54,7 +62,7 @@ void crown_panel_blobs(struct crown_panel *p, struct sv_rng *rng, double cover, 
         blob(p, rng, radius, sv_rng_range(rng, q_lo, q_hi));
         left -= 0.7 * SV_PI * radius * radius;
     }
-    sv_panel_set_tiles(&p->room);
+    crown_panel_pack(p);
 }
 
 void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q)
@@ -63,7 +71,7 @@ void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q)
         memcpy(p->room.color[k], color, 4);
         p->room.q[k] = (uint16_t)lrint(q * SV_PANEL_Q_ONE);
     }
-    sv_panel_set_tiles(&p->room);
+    crown_panel_pack(p);
 }
 
 struct sv_camera crown_camera(enum sv_cell_face face, struct sv_vec3 v, double distance_m,
@@ -115,7 +123,7 @@ static bool project(const struct sv_crown_source *s, int i, int j, double x, dou
 {
     int size = s->layer->size;
     double xs = 2 * (i + 0.5) / size - 1, ys = 1 - 2 * (j + 0.5) / size, h = 1.0 / size, p[4];
-    double q = s->layer->q[(size_t)j * (size_t)size + (size_t)i] / (double)SV_PANEL_Q_ONE;
+    double q = sv_panel_code(s->layer, i, j) / (double)SV_PANEL_Q_ONE;
     for (int k = 0; k < 4; k++)
         p[k] = s->m[k][0] * xs + s->m[k][1] * ys + s->m[k][2] * q + s->m[k][3];
     if (!(q > 0 && p[3] > 0))
@@ -130,6 +138,14 @@ static bool project(const struct sv_crown_source *s, int i, int j, double x, dou
     return shot->d >= 0 && shot->d <= 1;
 }
 
+/* Where a texel stands in the order of texels: tile by tile, row by row in each. */
+static int rank_of(const struct sv_panel_layer *layer, int texel)
+{
+    int i = texel % layer->size, j = texel / layer->size;
+    return (j / SV_PANEL_TILE * sv_panel_tiles(layer->size) + i / SV_PANEL_TILE) * SV_PANEL_SLOT_CODES +
+           j % SV_PANEL_TILE * SV_PANEL_TILE + i % SV_PANEL_TILE;
+}
+
 /* The nearest texel whose box holds the centre of pixel (i, row). */
 static void nearest(const struct sv_crown_source *sources, unsigned count, int i, int row,
                     struct crown_truth *t)
@@ -141,7 +157,7 @@ static void nearest(const struct sv_crown_source *sources, unsigned count, int i
         int size = sources[k].layer->size;
         for (int texel = 0; texel < size * size; texel++) {
             struct shot s;
-            if (sources[k].layer->q[texel] == 0 ||
+            if (sv_panel_code(sources[k].layer, texel % size, texel / size) == 0 ||
                 !project(&sources[k], texel % size, texel / size, i + 0.5, row + 0.5, &s))
                 continue;
             double out = fmax(fabs(i + 0.5 - s.x) - s.half_x, fabs(row + 0.5 - s.y) - s.half_y);
@@ -149,7 +165,9 @@ static void nearest(const struct sv_crown_source *sources, unsigned count, int i
                 unsure_d = fmax(unsure_d, s.d);
             if (out > 0)
                 continue;
-            if (s.d > t->d) {
+            bool first = s.d == t->d && k == t->source &&
+                         rank_of(sources[k].layer, texel) < rank_of(sources[k].layer, t->texel);
+            if (s.d > t->d || first) {
                 second = t->d;
                 *t = (struct crown_truth){.any = true, .source = k, .texel = texel, .d = s.d};
             } else {
@@ -177,7 +195,7 @@ static void mean_of(const struct sv_panel_layer *layer, double u, double v, doub
     for (int k = 0; k < 4; k++) {
         int x = i + (k & 1), y = j + (k >> 1);
         double w = steepen(1 - fabs(u - x)) * steepen(1 - fabs(v - y));
-        const uint8_t *c = layer->color[(size_t)y * (size_t)layer->size + (size_t)x];
+        const uint8_t *c = sv_panel_color(layer, x, y);
         for (int n = 0; n < 3; n++)
             color[n] += w * (c[n] / 255.0) * (c[n] / 255.0);
         color[3] += w * c[3] / 255.0;
@@ -188,7 +206,7 @@ static void mean_of(const struct sv_panel_layer *layer, double u, double v, doub
  * ys, q, 1) ~ (x, y, ., 1). */
 static void place_of(const struct sv_crown_source *s, double x, double y, struct crown_truth *t)
 {
-    double q = s->layer->q[t->texel] / (double)SV_PANEL_Q_ONE;
+    double q = sv_panel_code(s->layer, t->texel % s->layer->size, t->texel / s->layer->size) / (double)SV_PANEL_Q_ONE;
     double a[2][3];
     for (int r = 0; r < 2; r++) {
         double p = r == 0 ? x : y;
@@ -217,7 +235,8 @@ void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i
             unsure |= t.unsure || (t.any && t.d != near.d && fabs(t.d - near.d) < 1e-5 * t.d);
             if (t.any &&
                 (t.d > near.d || (t.d == near.d && (t.source < near.source ||
-                                                    (t.source == near.source && t.texel < near.texel)))))
+                                                    (t.source == near.source && rank_of(sources[t.source].layer, t.texel) <
+                                                                       rank_of(sources[t.source].layer, near.texel))))))
                 near = t;
         }
         *truth = near;

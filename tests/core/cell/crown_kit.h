@@ -6,18 +6,20 @@
 #include "core/base/rng.h"
 #include "core/cell/crown_warp.h"
 
-/* A panel of crowns alone, in memory of its own. */
+/* A panel of crowns alone, in memory of its own: room, and what is packed of it. */
 struct crown_panel {
     void *block;
     struct sv_panel panel;
     struct sv_panel_room room;
 };
-void crown_panel_make(int size, struct crown_panel *p);
+void crown_panel_make(int size, struct crown_panel *p); /* empty */
+/* Packs the room again. panel moves. */
+void crown_panel_pack(struct crown_panel *p);
 void crown_panel_free(struct crown_panel *p);
 /* Random blobs at random q with ragged borders and half transparent texels; share of texels that show
- * something about `cover`; tiles set. */
+ * something about `cover`; packed. */
 void crown_panel_blobs(struct crown_panel *p, struct sv_rng *rng, double cover, double q_lo, double q_hi);
-/* Every texel: one colour (premultiplied codes), one q. */
+/* Every texel: one colour (premultiplied codes), one q; packed. */
 void crown_panel_flat(struct crown_panel *p, const uint8_t color[4], double q);
 
 /* A perspective camera at v + offset (in units of D along the world's axes), turned by heading, pitch, roll

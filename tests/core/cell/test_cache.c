@@ -216,6 +216,17 @@ static double evicted_worth(double now_s)
     return lost;
 }
 
+/* The piece that was handed out is one that nobody else has. */
+static size_t page_of(const struct sv_cell_cache_panel *panel, size_t pages)
+{
+    size_t page = (size_t)((char *)panel->data - data_begin) / PAGE;
+    assert_true(((char *)panel->data - data_begin) % PAGE == 0 && page + pages <= PAGES);
+    for (unsigned n = 0; n < panel_count; n++)
+        assert_true(panels[n].life == GONE || panels[n].page >= page + pages ||
+                    panels[n].page + panels[n].pages <= page);
+    return page;
+}
+
 static void do_reserve(uint64_t key, size_t bytes, bool refined, unsigned slot, uint64_t at, double now_s)
 {
     struct sv_cell_cache_panel panel;
@@ -233,12 +244,8 @@ static void do_reserve(uint64_t key, size_t bytes, bool refined, unsigned slot, 
         return;
     double lost = evicted_worth(now_s);
     assert_true(fabs(lost - loss) <= 1e-9 * loss + 1e-12); /* sums of a few dozen terms in another order */
-    size_t page = (size_t)((char *)panel.data - data_begin) / PAGE;
-    assert_true(((char *)panel.data - data_begin) % PAGE == 0 && page + pages <= PAGES &&
-                panel.bytes == bytes);
-    for (unsigned n = 0; n < panel_count; n++)
-        assert_true(panels[n].life == GONE || panels[n].page >= page + pages ||
-                    panels[n].page + panels[n].pages <= page);
+    size_t page = page_of(&panel, pages);
+    assert_int_equal(panel.bytes, bytes);
     struct model_panel *made = &panels[panel_count++];
     *made = (struct model_panel){.life = BUILDING,
                                  .key = key,
@@ -249,6 +256,29 @@ static void do_reserve(uint64_t key, size_t bytes, bool refined, unsigned slot, 
                                  .page = page,
                                  .pages = pages};
     hold(&panel, made, slot, true);
+}
+
+/* The builder's own piece is free before it gets another. */
+static void do_fit(unsigned at, size_t bytes, double now_s)
+{
+    struct handle *h = &handles[at];
+    struct model_panel *p = h->of;
+    size_t pages = bytes ? (bytes + PAGE - 1) / PAGE : 1;
+    p->life = GONE;
+    double loss = p->doomed ? INFINITY : least_loss(pages, now_s);
+    assert_int_equal(sv_cell_cache_fit(cache, h->slot, &h->panel, bytes, now_s), !isinf(loss));
+    if (isinf(loss)) {
+        assert_false(sv_cell_cache_fit(cache, h->slot, &h->panel, 1, now_s));
+        *h = handles[--handle_count];
+        return;
+    }
+    double lost = evicted_worth(now_s);
+    assert_true(fabs(lost - loss) <= 1e-9 * loss + 1e-12);
+    p->page = page_of(&h->panel, pages);
+    p->pages = pages;
+    p->serial = h->panel.serial;
+    p->life = BUILDING;
+    assert_int_equal(h->panel.bytes, bytes);
 }
 
 static void model_retire(struct model_panel *p)
@@ -398,6 +428,8 @@ static void one_step(struct sv_rng *rng, double now_s)
         do_find(key, slot, at, now_s);
     else if (what < 65 && room)
         do_reserve(key, what == 60 ? (PAGES + 1) * PAGE : bytes, what % 4 == 0, slot, at, now_s);
+    else if (what < 75 && handle_count && handles[n].builds)
+        do_fit(n, what == 74 ? (PAGES + 1) * PAGE : bytes, now_s);
     else if (what < 97 && handle_count && handles[n].builds && what % 5)
         do_commit(&handles[n], sv_rng_next(rng) % (handles[n].panel.bytes + 1), sv_rng_unit(rng), now_s);
     else if (what < 97 && handle_count)

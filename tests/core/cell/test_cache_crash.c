@@ -54,7 +54,7 @@ static bool filled(const struct sv_cell_cache_panel *panel)
     return true;
 }
 
-/* Reserves, fills and commits, and stays pinned; what reserve said. */
+/* Reserves, fits, fills and commits, and stays pinned; what reserve said, FULL where it did not fit. */
 static enum sv_cell_cache_answer build(unsigned slot, uint64_t key, size_t bytes, bool refined,
                                        uint64_t generation, struct sv_cell_cache_panel *panel)
 {
@@ -62,8 +62,10 @@ static enum sv_cell_cache_answer build(unsigned slot, uint64_t key, size_t bytes
     memset(&label, 0, sizeof label);
     label.key = key;
     enum sv_cell_cache_answer answer =
-        sv_cell_cache_reserve(cache, slot, &label, bytes, refined, generation, 1, panel);
+        sv_cell_cache_reserve(cache, slot, &label, 1, refined, generation, 1, panel);
     if (answer == SV_CELL_CACHE_GRANTED) {
+        if (!sv_cell_cache_fit(cache, slot, panel, bytes, 1))
+            return SV_CELL_CACHE_FULL;
         fill(panel);
         sv_cell_cache_commit(cache, slot, panel, bytes > PAGE ? bytes - PAGE : bytes, 1, 1);
     }
@@ -74,7 +76,7 @@ static enum sv_cell_cache_answer build(unsigned slot, uint64_t key, size_t bytes
 
 /* What the victim does, with slot 1, part by part: every operation, evicting, replacing and dropping as it
  * goes. */
-enum { PARTS = 8 };
+enum { PARTS = 9 };
 static void live(int part, struct sv_cell_cache_panel *panel)
 {
     struct sv_cell_cache_label label;
@@ -98,12 +100,16 @@ static void live(int part, struct sv_cell_cache_panel *panel)
         fill(panel);
         break;
     case 5:
-        sv_cell_cache_commit(cache, 1, panel, PAGE, 1, 1);
+        sv_cell_cache_fit(cache, 1, panel, 6 * PAGE, 1); /* evicts */
+        fill(panel);
         break;
     case 6:
-        sv_cell_cache_drop_keys(cache, 1, keys, 2);
+        sv_cell_cache_commit(cache, 1, panel, PAGE, 1, 1);
         break;
     case 7:
+        sv_cell_cache_drop_keys(cache, 1, keys, 2);
+        break;
+    case 8:
         sv_cell_cache_release(cache, 1);
         break;
     }

@@ -64,23 +64,25 @@ static struct sv_panel random_panel(struct sv_rng *rng, int slot, int size)
 {
     struct sv_panel_about about = {
         .distance_m = 9, .face = SV_CELL_EAST, .size = size, .layers = SV_PANEL_CROWNS};
-    size_t bytes = sv_panel_bytes(size, SV_PANEL_CROWNS);
-    uint8_t *block = guarded(rng, slot, bytes);
     struct sv_panel_room room;
     struct sv_panel panel;
     double fill = sv_rng_unit(rng);
-    assert_int_equal(sv_panel_init(block, bytes, &about, &room, NULL), SV_OK);
+    assert_int_equal(sv_panel_room_create(size, SV_PANEL_CROWNS, &room, NULL), SV_OK);
     for (int k = 0; k < size * size; k++) {
         uint64_t bits = sv_rng_next(rng);
         memcpy(room.color[k], &bits, 4);
-        room.q[k] = sv_rng_unit(rng) < fill ? (uint16_t)(bits >> 40) : 0;
+        room.q[k] = sv_rng_unit(rng) < fill * fill * fill ? (uint16_t)(bits >> 40) : 0;
     }
-    sv_panel_set_tiles(&room);
+    size_t bytes = sv_panel_measure(&room);
+    uint8_t *block = guarded(rng, slot, bytes);
+    assert_int_equal(sv_panel_write(&room, &about, block, bytes, NULL), SV_OK);
+    assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
+    struct sv_panel_tile *tiles = (void *)(block + ((const uint8_t *)panel.crowns.tiles - block));
     for (int k = 0; sv_rng_unit(rng) < 0.3 && k < sv_panel_tiles(size) * sv_panel_tiles(size); k++) {
         uint64_t bits = sv_rng_next(rng);
-        memcpy(&room.tiles[k], &bits, sizeof room.tiles[k]);
+        memcpy(&tiles[k], &bits, sizeof tiles[k]);
     }
-    assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
+    sv_panel_room_finish(&room);
     return panel;
 }
 
@@ -148,6 +150,8 @@ static void test_largest(void **state)
                                            (const double[3]){0, 0, 0}, SV_PI / 2, SIDE, SIDE);
     crown_panel_make(SIDE, &panel);
     crown_panel_flat(&panel, (const uint8_t[4]){50, 60, 70, 255}, 1);
+    memcpy(panel.room.color[(size_t)SIDE * SIDE - 1], (const uint8_t[4]){255, 0, 0, 255}, 4);
+    crown_panel_pack(&panel);
     float(*light)[4] = malloc((size_t)SIDE * ROWS * sizeof *light);
     for (int k = 0; k < SV_CROWN_SOURCES_MAX; k++) { /* the last is in front */
         sources[k].layer = &panel.panel.crowns;
@@ -155,7 +159,6 @@ static void test_largest(void **state)
     }
     for (int k = 0; k < SIDE * ROWS; k++)
         memcpy(light[k], (const float[4]){0, 0, 0, 1}, sizeof light[k]);
-    memcpy(panel.room.color[(size_t)SIDE * SIDE - 1], (const uint8_t[4]){255, 0, 0, 255}, 4);
     assert_int_equal(sv_crown_buffer_create(SIDE, FIRST, ROWS, &buffer, NULL), SV_OK);
     sv_crown_splat(sources, SV_CROWN_SOURCES_MAX, buffer, NULL);
     sv_crown_resolve(sources, SV_CROWN_SOURCES_MAX, buffer, NULL, 0, light);

@@ -151,6 +151,7 @@ static void test_plane_homography(void **state)
         crown_panel_flat(&panel, (const uint8_t[4]){0, 0, 0, 0}, q);
         for (int n = 0; n < 64 * 64; n++)
             panel.room.color[n][3] = (k & 4 ? n / 64 : n % 64) & 1 ? 255 : 0;
+        crown_panel_pack(&panel);
         q = panel.room.q[0] / (double)SV_PANEL_Q_ONE;
         source.layer = &panel.panel.crowns;
         sv_crown_map(v, distance, face, &camera, shift, -shift, source.m);
@@ -197,7 +198,7 @@ static void test_single_texel(void **state)
         crown_panel_make(32, &panel);
         memcpy(panel.room.color[at], (const uint8_t[4]){255, 255, 255, 255}, 4);
         panel.room.q[at] = (uint16_t)(q * SV_PANEL_Q_ONE);
-        sv_panel_set_tiles(&panel.room);
+        crown_panel_pack(&panel);
         q = panel.room.q[at] / (double)SV_PANEL_Q_ONE;
         source.layer = &panel.panel.crowns;
         sv_crown_map(v, 20, SV_CELL_NORTH, &camera, 0, 0, source.m);

@@ -24,71 +24,179 @@ static const struct sv_panel_about ABOUT = {.key = 7,
 
 /* ---- the block ---- */
 
-static void test_block(void **state)
+/* Random texels: blobs of crowns, and ground between two rows. */
+static struct sv_panel_room random_room(struct sv_rng *rng, int size, unsigned layers)
 {
-    (void)state;
-    size_t bytes = sv_panel_bytes(40, ABOUT.layers);
-    uint8_t *block = aligned_alloc(SV_PANEL_ALIGN, bytes);
     struct sv_panel_room room;
-    struct sv_panel panel;
-    memset(block, 0xa5, bytes);
-    assert_int_equal(sv_panel_init(block, bytes, &ABOUT, &room, NULL), SV_OK);
-    assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
-    assert_memory_equal(&panel.about, &ABOUT, sizeof ABOUT);
-    assert_ptr_equal(panel.crowns.color, room.color);
-    assert_ptr_equal(panel.crowns.q, room.q);
-    assert_ptr_equal(panel.crowns.tiles, room.tiles);
-    assert_ptr_equal(panel.ground.color, room.ground_color);
-    assert_ptr_equal(panel.ground.q, room.ground_q);
-    assert_true(panel.crowns.size == 40 && panel.ground.size == 40 && room.size == 40);
-    /* Arrays do not meet, lie within the block, and 64 bytes are readable after each. */
+    assert_int_equal(sv_panel_room_create(size, layers, &room, NULL), SV_OK);
+    int first = (int)sv_rng_range(rng, 0, size), end = (int)sv_rng_range(rng, first, size + 1);
+    double x = sv_rng_range(rng, 0, size), y = sv_rng_range(rng, 0, size), r = sv_rng_range(rng, -1, 0.6 * size);
+    for (int k = 0; k < size * size; k++) {
+        uint64_t bits = sv_rng_next(rng);
+        bool shows = hypot(k % size + 0.5 - x, k / size + 0.5 - y) < r || bits >> 52 == 0;
+        bool ground = k / size >= first && k / size < end;
+        if (room.color) {
+            room.q[k] = shows ? (uint16_t)(1 + (bits >> 32) % 65535) : 0;
+            memcpy(room.color[k], shows ? (const void *)&bits : (const void *)"\0\0\0\0", 4);
+        }
+        if (room.ground_q) {
+            room.ground_q[k] = ground ? (float)(1 + bits % 99) : 0;
+            memcpy(room.ground_color[k], ground ? (const void *)&bits : (const void *)"\0\0\0\0", 4);
+        }
+    }
+    return room;
+}
+
+static uint8_t *block_of(struct sv_panel_room *room, const struct sv_panel_about *about, size_t *bytes)
+{
+    *bytes = sv_panel_measure(room);
+    uint8_t *block = aligned_alloc(SV_PANEL_ALIGN, *bytes);
+    memset(block, 0xa5, *bytes);
+    assert_int_equal(sv_panel_write(room, about, block, *bytes, NULL), SV_OK);
+    return block;
+}
+
+/* What a reader finds at every texel is what was drawn, and what it blends with it lies beside it. */
+static void check_crowns_kept(const struct sv_panel_layer *layer, const struct sv_panel_room *room)
+{
+    int size = room->size;
+    for (int k = 0; k < size * size; k++) {
+        int i = k % size, j = k / size;
+        const uint8_t *color = sv_panel_color(layer, i, j);
+        assert_int_equal(sv_panel_code(layer, i, j), room->q[k]);
+        assert_memory_equal(color, room->color[k], 4);
+        if (i + 1 < size)
+            assert_memory_equal(color + 4, room->color[k + 1], 4);
+        if (j + 1 < size)
+            assert_memory_equal(color + 4 * SV_PANEL_SLOT_SIDE, room->color[k + size], 4);
+        if (i + 1 < size && j + 1 < size)
+            assert_memory_equal(color + 4 * SV_PANEL_SLOT_SIDE + 4, room->color[k + size + 1], 4);
+    }
+}
+
+/* Rows that are not stored show nothing, and as many are stored as must be. */
+static void check_ground_kept(const struct sv_panel_ground *ground, const struct sv_panel_room *room)
+{
+    int size = room->size, last = ground->first + ground->rows - 1;
+    assert_true(ground->first >= 0 && ground->rows >= 0 && ground->first + ground->rows <= size);
+    assert_true(ground->rows == 0 || (room->ground_q[ground->first * size] > 0 && room->ground_q[last * size] > 0));
+    for (int k = 0; k < size * size; k++) {
+        if (k / size < ground->first || k / size > last) {
+            assert_true(room->ground_q[k] == 0);
+            continue;
+        }
+        assert_true(ground->q[k - ground->first * size] == room->ground_q[k]);
+        assert_memory_equal(ground->color[k - ground->first * size], room->ground_color[k], 4);
+    }
+}
+
+/* Arrays do not meet, lie within the block, and 64 bytes are readable after each. */
+static void check_arrays(const struct sv_panel *panel, const uint8_t *block, size_t bytes)
+{
+    const struct sv_panel_layer *crowns = &panel->crowns;
+    const struct sv_panel_ground *ground = &panel->ground;
+    size_t side = (size_t)sv_panel_tiles(crowns->size), slots = crowns->size ? crowns->last_slot + 1 : 0;
+    size_t texels = (size_t)ground->rows * (size_t)ground->size;
     const struct {
         const void *at;
         size_t bytes;
-    } arrays[] = {{room.color, 6400},
-                  {room.q, 3200},
-                  {room.tiles, 9 * 8},
-                  {room.ground_color, 6400},
-                  {room.ground_q, 6400}};
-    for (size_t k = 0; k < 5; k++) {
-        const uint8_t *end = (const uint8_t *)arrays[k].at + arrays[k].bytes + SV_PANEL_ALIGN;
-        assert_true((uintptr_t)arrays[k].at % SV_PANEL_ALIGN == 0);
-        assert_true(end <= (k < 4 ? (const uint8_t *)arrays[k + 1].at : block + bytes));
+    } arrays[] = {{crowns->tiles, side * side * sizeof *crowns->tiles},
+                  {crowns->q, slots * 16 * 16 * 2},
+                  {crowns->color, slots * 17 * 17 * 4},
+                  {ground->color, 4 * texels},
+                  {ground->q, 4 * texels}};
+    const uint8_t *end = block;
+    for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++) {
+        if (arrays[k].bytes == 0)
+            continue;
+        assert_true((uintptr_t)arrays[k].at % SV_PANEL_ALIGN == 0 && (const uint8_t *)arrays[k].at >= end);
+        end = (const uint8_t *)arrays[k].at + arrays[k].bytes + SV_PANEL_ALIGN;
     }
-    free(block);
+    assert_true(end <= block + bytes);
 }
 
-static void test_layers_alone(void **state)
+static void test_block(void **state)
 {
     (void)state;
-    for (unsigned layers = SV_PANEL_CROWNS; layers <= SV_PANEL_GROUND; layers++) {
+    struct sv_rng rng = sv_rng_seeded(SEED, 3);
+    static const int sizes[] = {16, 17, 31, 32, 40, 96};
+    size_t full = 0, least = SIZE_MAX;
+    for (int k = 0; k < 180; k++) {
         struct sv_panel_about about = ABOUT;
-        struct sv_panel_room room;
         struct sv_panel panel;
-        size_t bytes = sv_panel_bytes(4096, layers);
-        uint8_t *block = aligned_alloc(SV_PANEL_ALIGN, bytes);
-        about.layers = layers;
-        about.size = 4096;
-        assert_int_equal(sv_panel_init(block, bytes, &about, &room, NULL), SV_OK);
+        size_t bytes;
+        about.size = sizes[k % 6];
+        about.layers = 1 + (unsigned)k / 6 % 3;
+        struct sv_panel_room room = random_room(&rng, about.size, about.layers);
+        uint8_t *block = block_of(&room, &about, &bytes);
+        assert_int_equal(bytes % SV_PANEL_ALIGN, 0);
         assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
-        bool crowns = layers == SV_PANEL_CROWNS;
-        assert_true(crowns == (panel.crowns.size == 4096) && crowns == (panel.ground.size == 0));
-        assert_true(crowns == (panel.crowns.q != NULL) && crowns == (panel.ground.q == NULL));
-        assert_true(crowns == (room.tiles != NULL) && crowns == (room.ground_color == NULL));
+        assert_memory_equal(&panel.about, &about, sizeof about);
+        assert_true((panel.crowns.size != 0) == ((about.layers & SV_PANEL_CROWNS) != 0));
+        assert_true((panel.ground.size != 0) == ((about.layers & SV_PANEL_GROUND) != 0));
+        check_arrays(&panel, block, bytes);
+        if (panel.crowns.size)
+            check_crowns_kept(&panel.crowns, &room);
+        if (panel.ground.size)
+            check_ground_kept(&panel.ground, &room);
+        if (about.size == 96 && about.layers == SV_PANEL_CROWNS) {
+            full = bytes > full ? bytes : full;
+            least = bytes < least ? bytes : least;
+        }
+        free(block);
+        sv_panel_room_finish(&room);
+    }
+    assert_true(least < full / 2); /* what is empty takes no memory */
+}
+
+/* As many tiles as there can be, all of them stored or none: numbers of slots do not overflow. SV_TEST_FULL=1: 300 MB. */
+static void test_largest(void **state)
+{
+    (void)state;
+    if (!getenv("SV_TEST_FULL"))
+        skip();
+    struct sv_panel_about about = ABOUT;
+    struct sv_panel_room room;
+    struct sv_panel panel;
+    about.size = SV_PANEL_SIZE_MAX;
+    about.layers = SV_PANEL_CROWNS;
+    size_t texels = (size_t)about.size * (size_t)about.size, bytes;
+    assert_int_equal(sv_panel_room_create(about.size, about.layers, &room, NULL), SV_OK);
+    memset(room.color, 7, texels * 4);
+    for (size_t k = 0; k < texels; k++)
+        room.q[k] = (uint16_t)(1 + (k / 4096 / 16 * 256 + k % 4096 / 16) % 65535);
+    for (uint32_t missing = 0; missing < 2; missing++) { /* the last tile, with which none is blended */
+        for (size_t k = 0; k < 256 * missing; k++)
+            room.q[(4080 + k / 16) * 4096 + 4080 + k % 16] = 0;
+        uint8_t *block = block_of(&room, &about, &bytes);
+        assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
+        assert_int_equal(panel.crowns.last_slot, 65536 - missing);
+        for (size_t k = texels % 1021; k < texels; k += 1021)
+            assert_int_equal(sv_panel_code(&panel.crowns, (int)(k % 4096), (int)(k / 4096)), room.q[k]);
         free(block);
     }
-    assert_true(sv_panel_bytes(15, 1) == 0 && sv_panel_bytes(4097, 1) == 0 && sv_panel_bytes(16, 0) == 0 &&
-                sv_panel_bytes(16, 4) == 0 && sv_panel_bytes(-5, 1) == 0);
+    memset(room.q, 0, texels * 2);
+    uint8_t *block = block_of(&room, &about, &bytes);
+    assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
+    assert_true(panel.crowns.last_slot == 0 && bytes < 600000);
+    free(block);
+    sv_panel_room_finish(&room);
+    assert_int_equal(sv_panel_room_create(15, 1, &room, NULL), SV_EINVAL);
+    assert_int_equal(sv_panel_room_create(4097, 1, &room, NULL), SV_EINVAL);
+    assert_int_equal(sv_panel_room_create(16, 0, &room, NULL), SV_EINVAL);
+    assert_int_equal(sv_panel_room_create(16, 4, &room, NULL), SV_EINVAL);
+    assert_int_equal(sv_panel_room_create(-5, 1, &room, NULL), SV_EINVAL);
 }
 
 static void test_what_is_refused(void **state)
 {
     (void)state;
-    size_t bytes = sv_panel_bytes(40, ABOUT.layers);
+    struct sv_rng rng = sv_rng_seeded(SEED, 4);
+    struct sv_panel_room room = random_room(&rng, 40, ABOUT.layers);
+    size_t bytes = sv_panel_measure(&room);
     uint8_t *block = aligned_alloc(SV_PANEL_ALIGN, bytes + SV_PANEL_ALIGN);
-    struct sv_panel_room room;
-    struct sv_panel_about bad[8];
-    for (int k = 0; k < 8; k++)
+    struct sv_panel_about bad[10];
+    for (int k = 0; k < 10; k++)
         bad[k] = ABOUT;
     bad[0].size = 15;
     bad[1].size = 4097;
@@ -98,41 +206,61 @@ static void test_what_is_refused(void **state)
     bad[5].distance_m = 0;
     bad[6].distance_m = NAN;
     bad[7].place.v.y = INFINITY;
-    for (int k = 0; k < 8; k++)
-        assert_int_equal(sv_panel_init(block, bytes, &bad[k], &room, NULL), SV_EINVAL);
-    assert_int_equal(sv_panel_init(block, bytes - 1, &ABOUT, &room, NULL), SV_EINVAL);
-    assert_int_equal(sv_panel_init(block + 8, bytes, &ABOUT, &room, NULL), SV_EINVAL);
+    bad[8].size = 41;                 /* not the room's */
+    bad[9].layers = SV_PANEL_CROWNS; /* nor that */
+    for (int k = 0; k < 10; k++)
+        assert_int_equal(sv_panel_write(&room, &bad[k], block, bytes, NULL), SV_EINVAL);
+    assert_int_equal(sv_panel_write(&room, &ABOUT, block, bytes - 1, NULL), SV_EINVAL);
+    assert_int_equal(sv_panel_write(&room, &ABOUT, block + 8, bytes, NULL), SV_EINVAL);
     free(block);
+    sv_panel_room_finish(&room);
 }
 
-/* Whatever another process wrote: either it is refused, or all arrays lie within the block. */
+/* Reads all of an opened panel, as readers do. */
+static unsigned read_all(const struct sv_panel *panel)
+{
+    unsigned sum = 0;
+    for (int k = 0; k < panel->crowns.size * panel->crowns.size; k++) {
+        int i = k % panel->crowns.size, j = k / panel->crowns.size;
+        const uint8_t *color = sv_panel_color(&panel->crowns, i, j);
+        sum += sv_panel_code(&panel->crowns, i, j) + color[0] + color[4 * SV_PANEL_SLOT_SIDE + 7];
+    }
+    for (int k = 0; k < panel->ground.rows * panel->ground.size; k++)
+        sum += panel->ground.color[k][3] + (panel->ground.q[k] > 0);
+    return sum;
+}
+
+/* Whatever another process wrote: either it is refused, or all that is read lies within the block. */
 static void test_foreign_blocks(void **state)
 {
     (void)state;
     struct sv_rng rng = sv_rng_seeded(SEED, 1);
-    size_t bytes = sv_panel_bytes(40, ABOUT.layers);
-    uint8_t *block = aligned_alloc(SV_PANEL_ALIGN, bytes);
-    struct sv_panel_room room;
+    struct sv_panel_room room = random_room(&rng, 40, ABOUT.layers);
+    size_t bytes;
+    uint8_t *kept = block_of(&room, &ABOUT, &bytes), *block = aligned_alloc(SV_PANEL_ALIGN, bytes);
+    enum { HEAD = 200 }; /* header, and the first tiles */
+    unsigned sum = 0;
     int refused = 0;
     for (int k = 0; k < 20000; k++) {
         struct sv_panel panel;
         size_t given = k % 3 ? bytes : (size_t)sv_rng_range(&rng, 0, (double)bytes);
-        assert_int_equal(sv_panel_init(block, bytes, &ABOUT, &room, NULL), SV_OK);
+        memcpy(block, kept, bytes);
         for (int n = 0; n < 1 + k % 3; n++)
-            block[(int)sv_rng_range(&rng, 0, 128)] = (uint8_t)sv_rng_next(&rng);
+            block[(size_t)sv_rng_range(&rng, 0, HEAD)] = (uint8_t)sv_rng_next(&rng);
+        for (int n = 0; n < k % 50; n++)
+            block[(size_t)sv_rng_range(&rng, HEAD, (double)bytes)] = (uint8_t)sv_rng_next(&rng);
         if (sv_panel_open(block, given, &panel, NULL) != SV_OK) {
             refused++;
             continue;
         }
-        size_t side = (size_t)panel.about.size, texels = side * side;
-        assert_true(panel.crowns.size == 0 || (const uint8_t *)(panel.crowns.q + texels) <= block + given);
-        assert_true(panel.crowns.size == 0 ||
-                    (const uint8_t *)(panel.crowns.color + texels) <= block + given);
-        assert_true(panel.ground.size == 0 || (const uint8_t *)(panel.ground.q + texels) <= block + given);
+        check_arrays(&panel, block, given);
+        sum += k % 10 == 0 ? read_all(&panel) : 0;
         assert_true(panel.about.distance_m > 0 && (unsigned)panel.about.face < SV_CELL_FACES);
     }
-    assert_true(refused > 5000 && refused < 20000);
+    assert_true(refused > 5000 && refused < 20000 && sum > 0);
+    free(kept);
     free(block);
+    sv_panel_room_finish(&room);
 }
 
 /* ---- crowns ---- */
@@ -257,7 +385,6 @@ static void check_tiles(const struct sv_panel_room *room)
         assert_int_equal(room->tiles[t].count, count);
         assert_int_equal(room->tiles[t].q_max, high);
         assert_int_equal(room->tiles[t].q_min, count ? low : 0);
-        assert_int_equal(room->tiles[t].reserved, 0);
     }
 }
 
@@ -273,17 +400,17 @@ static void test_crowns(void **state)
         double q_per_depth = k % 2 ? 1 : 2;
         about.size = sizes[k % 5];
         about.layers = SV_PANEL_CROWNS;
-        size_t bytes = sv_panel_bytes(about.size, about.layers);
-        uint8_t *block = aligned_alloc(SV_PANEL_ALIGN, bytes);
         struct canvas c = canvas_make(&rng, about.size * scale);
-        memset(block, 0x5a, bytes); /* all is written */
-        assert_int_equal(sv_panel_init(block, bytes, &about, &room, NULL), SV_OK);
+        assert_int_equal(sv_panel_room_create(about.size, about.layers, &room, NULL), SV_OK);
+        memset(room.color, 0x5a, (size_t)(about.size * about.size) * 4); /* all is written */
+        memset(room.q, 0x5a, (size_t)(about.size * about.size) * 2);
         struct sv_panel_drawing drawing = {&c.color[0][0], c.depth, c.opaque, q_per_depth, scale};
         assert_int_equal(sv_panel_crowns(&drawing, &room, NULL), SV_OK);
+        sv_panel_measure(&room);
         check_crowns(&c, about.size, scale, q_per_depth, &room);
         check_tiles(&room);
         canvas_free(&c);
-        free(block);
+        sv_panel_room_finish(&room);
     }
 }
 
@@ -295,21 +422,28 @@ static void test_nothing_and_no_depth(void **state)
     struct sv_panel panel;
     about.layers = SV_PANEL_CROWNS;
     about.size = 32;
-    size_t bytes = sv_panel_bytes(32, SV_PANEL_CROWNS);
-    uint8_t *block = aligned_alloc(SV_PANEL_ALIGN, bytes), (*color)[4] = calloc(32 * 32, 4);
+    uint8_t(*color)[4] = calloc(32 * 32, 4);
     float *depth = calloc(32 * 32, sizeof *depth);
+    size_t bytes;
     struct sv_panel_drawing drawing = {&color[0][0], depth, NULL, 1, 1};
-    assert_int_equal(sv_panel_init(block, bytes, &about, &room, NULL), SV_OK);
+    assert_int_equal(sv_panel_room_create(32, SV_PANEL_CROWNS, &room, NULL), SV_OK);
     assert_int_equal(sv_panel_crowns(&drawing, &room, NULL), SV_OK);
+    uint8_t *block = block_of(&room, &about, &bytes);
     assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
     for (int k = 0; k < 4; k++)
         assert_int_equal(panel.crowns.tiles[k].count, 0);
+    assert_int_equal(panel.crowns.last_slot, 0);
+    free(block);
     color[32 * 31 + 31][3] = 9;
     assert_int_equal(sv_panel_crowns(&drawing, &room, NULL), SV_OK);
     assert_int_equal(room.q[32 * 31 + 31], SV_PANEL_Q_ONE);
+    block = block_of(&room, &about, &bytes);
+    assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
     assert_int_equal(panel.crowns.tiles[3].count, 1);
     assert_int_equal(panel.crowns.tiles[0].count, 0);
+    assert_int_equal(panel.crowns.last_slot, 1);
     free(block);
+    sv_panel_room_finish(&room);
     free(color);
     free(depth);
 }
@@ -317,7 +451,7 @@ static void test_nothing_and_no_depth(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_block),           cmocka_unit_test(test_layers_alone),
+        cmocka_unit_test(test_block),           cmocka_unit_test(test_largest),
         cmocka_unit_test(test_what_is_refused), cmocka_unit_test(test_foreign_blocks),
         cmocka_unit_test(test_crowns),          cmocka_unit_test(test_nothing_and_no_depth),
     };

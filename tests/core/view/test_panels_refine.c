@@ -97,15 +97,16 @@ static void *refine(const struct stage *s, const struct sv_panels_order *order, 
 {
     struct sv_error error = {0};
     struct sv_panels_refinement *r;
-    size_t bytes = sv_panel_bytes(SIZE, order->about.layers);
-    void *block = aligned_alloc(SV_PANEL_ALIGN, bytes);
     int rows = 1;
-    if (sv_panels_refine_begin(s->scene, s->truth, order, samples, block, bytes, &r, &error))
+    if (sv_panels_refine_begin(s->scene, s->truth, order, samples, &r, &error))
         fail_msg("%s: %s", error.field, error.message);
     while (sv_panels_refine_row(r))
         rows++;
     assert_int_equal(rows, SIZE);
     assert_false(sv_panels_refine_row(r)); /* nor does it write beyond the end */
+    size_t bytes = sv_panels_refine_measure(r);
+    void *block = aligned_alloc(SV_PANEL_ALIGN, bytes);
+    assert_int_equal(sv_panels_refine_write(r, block, bytes, &error), SV_OK);
     sv_panels_refine_destroy(r);
     assert_int_equal(sv_panel_open(block, bytes, panel, &error), SV_OK);
     return block;
@@ -172,14 +173,14 @@ static void test_rings_part_the_picture(void **state)
             int from = -1;
             memcpy(rgb, ground[k], sizeof rgb);
             for (int ring = 0; ring < RINGS; ring++) {
-                float q = panel[ring].crowns.q[k] / (float)SV_PANEL_Q_ONE;
+                float q = sv_panel_code(&panel[ring].crowns, k % SIZE, k / SIZE) / (float)SV_PANEL_Q_ONE;
                 if (q / (float)s.rings.distance_m[ring] <= inverse)
                     continue;
-                assert_int_equal(panel[ring].crowns.color[k][3], 255);
+                assert_int_equal(sv_panel_color(&panel[ring].crowns, k % SIZE, k / SIZE)[3], 255);
                 inverse = q / (float)s.rings.distance_m[ring];
                 from = ring;
                 for (int c = 0; c < 3; c++)
-                    rgb[c] = linear_of(panel[ring].crowns.color[k][c]);
+                    rgb[c] = linear_of(sv_panel_color(&panel[ring].crowns, k % SIZE, k / SIZE)[c]);
             }
             int off = 0;
             for (int c = 0; c < 3; c++) {
@@ -240,7 +241,7 @@ static void test_many_samples(void **state)
     double sum = 0, bias = 0;
     long off = 0, over_ground = 0, over_sky = 0, partial = 0;
     for (int k = 0; k < TEXELS; k++) {
-        const uint8_t *c = panel.crowns.color[k];
+        const uint8_t *c = sv_panel_color(&panel.crowns, k % SIZE, k / SIZE);
         float through = 1 - (float)c[3] / 255;
         bool horizon = k / SIZE >= SIZE / 2 - 1 && k / SIZE <= SIZE / 2;
         if (c[3] == 0 || horizon) /* sky and ground in one texel */
