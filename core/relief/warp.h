@@ -42,6 +42,7 @@ struct sv_warp_source {
     const uint8_t (*color)[4]; /* what is seen, sRGB, straight: albedo or lit; alpha >= 128: solid */
     float cut;                 /* neighbours whose t differ by more are torn apart */
     struct sv_warp_map map;
+    float t_most; /* above 0: every t is in 0 .. t_most, so that parts out of the picture are left out unseen */
 };
 
 enum { SV_WARP_SOURCES_MAX = 32, SV_WARP_TEXEL_BITS = 26 };
@@ -61,7 +62,7 @@ struct sv_warp_buffer {
 };
 
 struct sv_warp_stats {
-    uint64_t texels;     /* solid texels looked at */
+    uint64_t texels;     /* solid texels looked at, of those that are not left out unseen */
     uint32_t pixels;     /* that hold a surface */
     uint32_t holes;      /* pixels of disocclusions before filling ... */
     uint32_t holes_left; /* ... and after */

@@ -268,7 +268,7 @@ static int cells(struct sv_warp_job *job, const struct sv_warp_row *up, const st
     __m256 cut = _mm256_set1_ps(job->source->cut);
     int listed = 0;
     list.count = 0; /* and nothing more: the rest is large */
-    for (int c = 0; c < n; c += LANES) {
+    for (int c = job->from; c < n; c += LANES) {
         struct quads q;
         unsigned inside = n - c < LANES ? (1u << (n - c)) - 1 : 255;
         __m256 full =

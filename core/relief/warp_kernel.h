@@ -65,6 +65,7 @@ struct sv_warp_job {
     struct sv_warp_buffer *buffer;
     uint32_t tag0;   /* of the strip's first texel in the upper row */
     int column, row; /* of that texel; -1 is legal: nothing is there */
+    int from;        /* first cell that kernels draw, a multiple of 8 */
     uint32_t pixels; /* that came to hold a surface */
     int64_t budget;  /* pixels that exact cells may still test */
 };
@@ -73,7 +74,7 @@ struct sv_warp_kernel {
     /* Projects n texels to entries at .. at + n; returns how many are solid. */
     uint32_t (*project)(const struct sv_warp_line *line, const float *t, const uint8_t (*color)[4], int n,
                         int at, struct sv_warp_row *row);
-    /* Draws the fast ones of n cells; lists those that are left and returns their number. */
+    /* Draws the fast ones of cells job->from .. n - 1; lists those that are left and returns their number. */
     int (*cells)(struct sv_warp_job *job, const struct sv_warp_row *upper, const struct sv_warp_row *lower,
                  int n, uint16_t *slow);
 };

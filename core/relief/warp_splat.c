@@ -149,7 +149,7 @@ int sv_warp_cells_scalar(struct sv_warp_job *job, const struct sv_warp_row *up, 
 static int cells(struct sv_warp_job *job, const struct sv_warp_row *upper, const struct sv_warp_row *lower,
                  int n, uint16_t *slow)
 {
-    return sv_warp_cells_scalar(job, upper, lower, 0, n, slow);
+    return sv_warp_cells_scalar(job, upper, lower, job->from, n, slow);
 }
 
 const struct sv_warp_kernel sv_warp_scalar = {.project = sv_warp_project_scalar, .cells = cells};
@@ -162,32 +162,32 @@ static void set_nothing(struct sv_warp_row *row, int from, int to)
     }
 }
 
-/* Row j of texels first .. first + n - 1 (any of them may lie outside of the source). Returns the solid ones
- * but for the first, which the strip before has counted. */
+/* Entries from .. n - 1 of row j, entry 0 being texel `first` (any of them may lie outside of the source). Returns the
+ * solid ones but for the first entry, which the strip before has counted. */
 static uint32_t load_row(const struct sv_warp_kernel *kernel, const struct sv_warp_source *source, int first,
-                         int n, int j, struct sv_warp_row *row)
+                         int from, int n, int j, struct sv_warp_row *row)
 {
     struct sv_warp_line line;
-    int from = first < 0 ? 1 : 0, to = first + n > source->width ? source->width - first : n;
+    int begin = first + from < 0 ? -first : from, end = first + n > source->width ? source->width - first : n;
     row->min_x = row->min_y = INFINITY;
     row->max_x = row->max_y = -INFINITY;
-    if (j < 0 || j >= source->height) {
-        set_nothing(row, 0, n + 8);
+    if (j < 0 || j >= source->height || begin >= end) {
+        set_nothing(row, from, n + 8);
         return 0;
     }
-    set_nothing(row, 0, from);
-    set_nothing(row, to, n + 8);
+    set_nothing(row, from, begin);
+    set_nothing(row, end, n + 8);
     for (int k = 0; k < 4; k++) {
         const double *m = source->map.m[k];
         line.base[k] = (float)(m[0] * (first + 0.5) + m[1] * (j + 0.5) + m[3]);
         line.du[k] = (float)m[0];
         line.dt[k] = (float)m[2];
     }
-    size_t texel = (size_t)j * (size_t)source->width + (size_t)(first + from);
+    size_t texel = (size_t)j * (size_t)source->width + (size_t)(first + begin);
     const float *t = source->t + texel;
     const uint8_t(*color)[4] = source->color + texel;
-    uint32_t solid = kernel->project(&line, t, color, to - from, from, row);
-    return solid - (first >= 0 && color[0][3] >= 128 && fabsf(t[0]) <= SV_WARP_T_MAX);
+    uint32_t solid = kernel->project(&line, t, color, end - begin, begin, row);
+    return solid - (begin == from && first >= 0 && color[0][3] >= 128 && fabsf(t[0]) <= SV_WARP_T_MAX);
 }
 
 /* Draws the cells between two rows, if they can touch the picture: what a row covers reaches half a texel
@@ -223,27 +223,109 @@ static const struct sv_warp_kernel *kernel_of(enum sv_simd level)
     return &sv_warp_scalar;
 }
 
+/* ---- the walk ---- */
+
+/* Parts of a strip that are looked at together: whether any of it may be seen costs as much as 30 texels. */
+enum { PART_COLUMNS = 32, PART_ROWS = 16, SIDES = 5 };
+/* What rounding and the growth of silhouettes may move a surface by, px. */
+#define PART_REACH_PX 2
+
+struct walk {
+    const struct sv_warp_kernel *kernel;
+    struct sv_warp_job job;
+    struct sv_warp_row rows[2];
+    int row, from, end; /* what the last call has left in rows: texels of row, entries from .. end - 1 */
+    double sides[SIDES][4];
+    struct sv_warp_stats *stats;
+};
+
+/* Linear functions of (u, v, t, 1) that are not negative within the picture's sides, and w. */
+static void sides_set(struct walk *walk)
+{
+    const double(*m)[4] = walk->job.source->map.m;
+    const double at[4] = {-PART_REACH_PX, walk->job.buffer->width + PART_REACH_PX, -PART_REACH_PX,
+                          walk->job.buffer->height + PART_REACH_PX};
+    for (int c = 0; c < 4; c++) {
+        for (int k = 0; k < 4; k++)
+            walk->sides[k][c] = (m[k / 2][c] - at[k] * m[3][c]) * (k & 1 ? -1 : 1);
+        walk->sides[4][c] = m[3][c];
+    }
+}
+
+/* Whether any of the texels may be seen, footprints included, wherever between 0 and t_most they are: false only where
+ * all of them are outside of one side. */
+static bool part_shows(const struct walk *walk, int column, int columns, int row, int rows)
+{
+    double u0 = column - 0.5, u1 = column + columns + 0.5, v0 = row - 0.5, v1 = row + rows + 0.5;
+    double t_most = (double)walk->job.source->t_most;
+    for (int k = 0; k < SIDES; k++) {
+        const double *p = walk->sides[k];
+        double most = (p[0] > 0 ? p[0] * u1 : p[0] * u0) + (p[1] > 0 ? p[1] * v1 : p[1] * v0) +
+                      (p[2] > 0 ? p[2] * t_most : 0) + p[3];
+        if (most < 0)
+            return false;
+    }
+    return true;
+}
+
+/* Cells from .. end - 1 of the strip between texels of rows j - 1 and j, for j0 <= j < j1. */
+static void walk_rows(struct walk *walk, int from, int end, int j0, int j1)
+{
+    const struct sv_warp_source *source = walk->job.source;
+    struct sv_warp_job *job = &walk->job;
+    uint32_t tag = job->tag0;
+    job->from = from;
+    if (walk->row != j0 - 1 || walk->from != from || walk->end != end)
+        load_row(walk->kernel, source, job->column, from, end + 1, j0 - 1, &walk->rows[j0 & 1]);
+    for (int j = j0; j < j1; j++) {
+        struct sv_warp_row *up = &walk->rows[j & 1], *lo = &walk->rows[~j & 1];
+        walk->stats->texels += load_row(walk->kernel, source, job->column, from, end + 1, j, lo);
+        job->row = j - 1;
+        job->tag0 = tag + (uint32_t)((j - 1) * source->width + job->column);
+        draw_cells(walk->kernel, job, up, lo, end);
+    }
+    job->tag0 = tag;
+    walk->row = j1 - 1;
+    walk->from = from;
+    walk->end = end;
+}
+
+/* n cells wide; what of it may be seen, PART_ROWS rows at a time. */
+static void walk_strip(struct walk *walk, int n)
+{
+    int rows = walk->job.source->height + 1;
+    for (int j0 = 0; j0 < rows; j0 += PART_ROWS) {
+        int j1 = j0 + PART_ROWS < rows ? j0 + PART_ROWS : rows, from = n, end = 0;
+        for (int c = 0; c < n; c += PART_COLUMNS) {
+            int c1 = c + PART_COLUMNS < n ? c + PART_COLUMNS : n;
+            if (!part_shows(walk, walk->job.column + c, c1 - c + 1, j0 - 1, j1 - j0 + 1))
+                continue;
+            from = c < from ? c : from;
+            end = c1;
+        }
+        if (from < end)
+            walk_rows(walk, from, end, j0, j1);
+    }
+}
+
 void sv_warp_splat_at(enum sv_simd level, const struct sv_warp_source *source, unsigned k,
                       struct sv_warp_buffer *buffer, struct sv_warp_stats *stats)
 {
-    const struct sv_warp_kernel *kernel = kernel_of(level);
-    struct sv_warp_row rows[2];
     int64_t budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height;
-    struct sv_warp_job job = {.source = source, .buffer = buffer, .budget = budget};
+    struct walk walk = {.kernel = kernel_of(level), .stats = stats};
+    walk.job = (struct sv_warp_job){.source = source, .buffer = buffer, .budget = budget,
+                                    .tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS};
+    sides_set(&walk);
     for (int column = -1; column < source->width; column += SV_WARP_STRIP) {
         int left = source->width - column, n = left < SV_WARP_STRIP ? left : SV_WARP_STRIP;
-        job.column = column;
-        load_row(kernel, source, column, n + 1, -1, &rows[0]);
-        for (int j = 0; j <= source->height; j++) {
-            struct sv_warp_row *up = &rows[j & 1], *lo = &rows[~j & 1];
-            stats->texels += load_row(kernel, source, column, n + 1, j, lo);
-            job.row = j - 1;
-            job.tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS;
-            job.tag0 += (uint32_t)((j - 1) * source->width + column);
-            draw_cells(kernel, &job, up, lo, n);
-        }
+        walk.job.column = column;
+        walk.row = -2;
+        if (source->t_most > 0)
+            walk_strip(&walk, n);
+        else
+            walk_rows(&walk, 0, n, 0, source->height + 1);
     }
-    stats->pixels += job.pixels;
+    stats->pixels += walk.job.pixels;
 }
 
 void sv_warp_splat(const struct sv_warp_source *source, unsigned k, struct sv_warp_buffer *buffer,

@@ -252,7 +252,7 @@ static int cells(struct sv_warp_job *job, const struct sv_warp_row *up, const st
 {
     __m128 cut = _mm_set1_ps(job->source->cut);
     int listed = 0;
-    for (int c = 0; c < n; c += LANES) {
+    for (int c = job->from; c < n; c += LANES) {
         struct quads q;
         unsigned inside = n - c < LANES ? (1u << (n - c)) - 1 : 15;
         __m128 full =

@@ -69,25 +69,60 @@ uint32_t sv_cull_order_code(float v)
     return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
 }
 
-static void add_trees(const struct sv_forest *forest, const struct sv_forest_node *node,
-                      const struct sv_cull_species *species, const struct sv_camera *camera,
-                      const double planes[5][4], bool all, struct sv_cull_list *list)
+/* What a view is asked for. */
+struct look {
+    const struct sv_forest *forest;
+    const struct sv_cull_species *species;
+    const struct sv_camera *camera;
+    const double (*planes)[4];
+    const struct sv_tree_shell *shell; /* NULL: all trees */
+};
+
+/* Chebyshev distance of a tree's axis from a centre. */
+static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
+{
+    double below = tree->z - center.z, above = center.z - (tree->z + (double)tree->height_m);
+    return fmax(fmax(fabs(tree->x - center.x), fabs(tree->y - center.y)), fmax(fmax(below, above), 0));
+}
+
+static bool in_shell(const struct sv_tree_shell *shell, const struct sv_tree *tree)
+{
+    return axis_distance_m(tree, shell->inner) > shell->inner_m && axis_distance_m(tree, shell->outer) <= shell->outer_m;
+}
+
+/* Whether some axis in the box, relative to the eye, may lie in the shell; by more than rounding may do. */
+static bool meets_shell(const struct look *look, const struct box *box)
+{
+    const struct sv_tree_shell *shell = look->shell;
+    const double rounding_m = 1e-3;
+    double nearest = 0, farthest = 0;
+    struct sv_vec3 in = sv_sub(shell->inner, look->camera->eye), out = sv_sub(shell->outer, look->camera->eye);
+    const double inner[3] = {in.x, in.y, in.z}, outer[3] = {out.x, out.y, out.z};
+    for (int a = 0; a < 3; a++) {
+        nearest = fmax(nearest, fabs(box->middle[a] - outer[a]) - box->half[a]);
+        farthest = fmax(farthest, fabs(box->middle[a] - inner[a]) + box->half[a]);
+    }
+    return nearest <= shell->outer_m + rounding_m && farthest > shell->inner_m - rounding_m;
+}
+
+/* all: none of them is out of view. */
+static void add_trees(const struct look *look, const struct sv_forest_node *node, bool all, struct sv_cull_list *list)
 {
     for (uint32_t k = node->first; k < node->first + node->count; k++) {
-        const struct sv_tree *tree = &forest->trees[k];
-        struct box box = tree_box(tree, species[tree->species].radius, camera->eye);
-        if (!all && relate(&box, planes) == OUTSIDE)
+        const struct sv_tree *tree = &look->forest->trees[k];
+        struct box box = tree_box(tree, look->species[tree->species].radius, look->camera->eye);
+        if ((look->shell && !in_shell(look->shell, tree)) || (!all && relate(&box, look->planes) == OUTSIDE))
             continue;
-        uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(camera, tree));
+        uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(look->camera, tree));
         list->entries[list->count++] = (struct sv_cull_entry){key, k};
     }
 }
 
-static void walk(const struct sv_forest *forest, const struct sv_cull_species *species,
-                 const struct sv_camera *camera, const double planes[5][4], struct sv_cull_list *list)
+static void walk(const struct look *look, struct sv_cull_list *list)
 {
-    const double origin[3] = {forest->origin.x - camera->eye.x, forest->origin.y - camera->eye.y,
-                              forest->origin.z - camera->eye.z};
+    const struct sv_forest *forest = look->forest;
+    struct sv_vec3 from = sv_sub(forest->origin, look->camera->eye);
+    const double origin[3] = {from.x, from.y, from.z};
     uint32_t stack[STACK];
     int top = 0;
     stack[top++] = 1;
@@ -97,11 +132,11 @@ static void walk(const struct sv_forest *forest, const struct sv_cull_species *s
         if (node->count == 0)
             continue;
         struct box box = node_box(node, origin);
-        enum relation relation = relate(&box, planes);
-        if (relation == OUTSIDE)
+        enum relation relation = relate(&box, look->planes);
+        if (relation == OUTSIDE || (look->shell && !meets_shell(look, &box)))
             continue;
-        if (relation == INSIDE || k >= forest->leaf_first) {
-            add_trees(forest, node, species, camera, planes, relation == INSIDE, list);
+        if ((relation == INSIDE && !look->shell) || k >= forest->leaf_first) {
+            add_trees(look, node, relation == INSIDE, list);
             continue;
         }
         stack[top++] = 2 * k + 1; /* the first child is walked first: order of the forest */
@@ -140,8 +175,9 @@ static void sort_near_first(struct sv_cull_list *list)
 
 enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cull_species *species,
                               const struct sv_camera *camera, const double planes[5][4],
-                              struct sv_cull_list *list, struct sv_error *error)
+                              const struct sv_tree_shell *shell, struct sv_cull_list *list, struct sv_error *error)
 {
+    const struct look look = {forest, species, camera, planes, shell};
     if (list->room < forest->count) {
         struct sv_cull_entry *made = malloc(2 * (size_t)forest->count * sizeof *made);
         if (!made)
@@ -151,31 +187,10 @@ enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cu
     }
     list->count = 0;
     if (forest->node_count > 0)
-        walk(forest, species, camera, planes, list);
+        walk(&look, list);
     list->culled = forest->count - list->count;
     sort_near_first(list);
     return SV_OK;
-}
-
-/* Chebyshev distance of a tree's axis from a centre. */
-static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
-{
-    double below = tree->z - center.z, above = center.z - (tree->z + (double)tree->height_m);
-    return fmax(fmax(fabs(tree->x - center.x), fabs(tree->y - center.y)), fmax(fmax(below, above), 0));
-}
-
-void sv_cull_keep_shell(const struct sv_forest *forest, const struct sv_tree_shell *shell,
-                        struct sv_cull_list *list)
-{
-    uint32_t kept = 0;
-    for (uint32_t k = 0; k < list->count; k++) {
-        const struct sv_tree *tree = &forest->trees[list->entries[k].tree];
-        if (axis_distance_m(tree, shell->inner) > shell->inner_m &&
-            axis_distance_m(tree, shell->outer) <= shell->outer_m)
-            list->entries[kept++] = list->entries[k];
-    }
-    list->culled += list->count - kept;
-    list->count = kept;
 }
 
 void sv_cull_list_finish(struct sv_cull_list *list)

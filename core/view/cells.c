@@ -159,11 +159,9 @@ struct frame {
     struct sv_cells_report *report;
 };
 
-/* What a strip of a face holds is where forward >= D, right within +-across forward and up within bottom ..
- * top times forward: the hull of four corners and four directions. Out of view when all of them are outside
- * of one plane. */
-static bool strip_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face,
-                          double across, double bottom, double top)
+/* What a face holds is where forward >= D and right and up within +- forward: the hull of four corners and four
+ * directions. Out of view when all of them are outside of one plane. */
+static bool face_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face)
 {
     struct sv_vec3 right, up, forward;
     struct sv_vec3 from = sv_sub(v, f->view->camera.eye);
@@ -173,19 +171,13 @@ static bool strip_in_view(const struct frame *f, struct sv_vec3 v, double distan
         struct sv_vec3 normal = {n[0], n[1], n[2]};
         bool inside = false;
         for (int k = 0; k < 4 && !inside; k++) {
-            struct sv_vec3 d =
-                sv_madd(sv_madd(forward, right, k & 1 ? across : -across), up, k & 2 ? top : bottom);
+            struct sv_vec3 d = sv_madd(sv_madd(forward, right, k & 1 ? 1 : -1), up, k & 2 ? 1 : -1);
             inside = sv_dot(normal, d) > 0 || sv_dot(normal, sv_madd(from, d, distance_m)) + n[3] >= 0;
         }
         if (!inside)
             return false;
     }
     return true;
-}
-
-static bool face_in_view(const struct frame *f, struct sv_vec3 v, double distance_m, enum sv_cell_face face)
-{
-    return strip_in_view(f, v, distance_m, face, 1, -1, 1);
 }
 
 static double now(const struct sv_cells *c)
@@ -487,57 +479,31 @@ static enum sv_status draw_ground_directly(struct sv_cells *c, const struct fram
     return status;
 }
 
-/* Rows of a ground panel that are stored and hold anything in view: by blocks, each the hull of its four corner
- * directions at q = 0 and its corner points at q = 1; and one more above: what is torn off there is not cut off. */
-static void rows_in_view(const struct frame *f, const struct seen *s, int *first, int *end)
-{
-    enum { BLOCK = 16 };
-    const struct sv_panel_ground *ground = &s->panel.ground;
-    int size = ground->size, last = ground->first + ground->rows;
-    double reach = sv_panels_ground_reach(size);
-    *first = last;
-    *end = ground->first;
-    for (int j = ground->first; j < last; j += BLOCK) {
-        double top = reach * (1 - 2.0 * j / size), bottom = reach * (1 - 2.0 * (j + BLOCK) / size);
-        if (!strip_in_view(f, s->panel.about.place.v, s->panel.about.distance_m, s->face, reach, bottom, top))
-            continue;
-        *first = *first < j ? *first : j;
-        *end = j + BLOCK < last ? j + BLOCK : last;
-    }
-    *first -= *first > ground->first && *first < *end;
-}
-
-/* Ground sources among what is seen; the map's rows begin with the band. */
+/* Ground sources among what is seen; the map's rows begin with the band. No ground is before its cube's faces. */
 static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
                                struct sv_warp_source sources[SV_CELL_FACES])
 {
     unsigned count = 0;
     for (int k = 0; k < c->seen_count; k++) {
         const struct seen *s = &c->seen[k];
-        if (s->panel.ground.size == 0)
+        const struct sv_panel_ground *ground = &s->panel.ground;
+        if (ground->rows == 0)
             continue;
         struct sv_warp_source *to = &sources[count++];
-        int size = s->panel.ground.size, first, end;
-        rows_in_view(f, s, &first, &end);
-        if (first >= end) {
-            count--;
-            continue;
-        }
-        size_t skip = (size_t)(first - s->panel.ground.first) * (size_t)size;
-        *to = (struct sv_warp_source){size,
-                                      end - first,
-                                      s->panel.ground.q + skip,
-                                      s->panel.ground.color + skip,
-                                      SV_PANEL_GROUND_CUT * 2 / (float)size,
-                                      {{{0}}}};
+        *to = (struct sv_warp_source){.width = ground->size,
+                                      .height = ground->rows,
+                                      .t = ground->q,
+                                      .color = ground->color,
+                                      .cut = SV_PANEL_GROUND_CUT * 2 / (float)ground->size,
+                                      .t_most = 1};
         struct sv_sweep sweep = {.v = s->panel.about.place.v,
                                  .distance_m = s->panel.about.distance_m,
                                  .face = s->face,
-                                 .size = size,
-                                 .reach = sv_panels_ground_reach(size)};
+                                 .size = ground->size,
+                                 .reach = sv_panels_ground_reach(ground->size)};
         sv_panel_ground_map(&sweep, &f->view->camera, 0, 0, &to->map);
         for (int a = 0; a < 4; a++) {
-            to->map.m[a][3] += first * to->map.m[a][1]; /* rows count from the first one */
+            to->map.m[a][3] += ground->first * to->map.m[a][1]; /* rows count from the first one */
         }
         for (int a = 0; a < 4; a++)
             to->map.m[1][a] -= c->row_first * to->map.m[3][a]; /* so do the band's */

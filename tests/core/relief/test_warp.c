@@ -516,6 +516,56 @@ static void test_order_does_not_matter(void **state)
     sv_warp_buffer_finish(&b);
 }
 
+/* --- parts out of the picture --- */
+
+static void draw_filled(enum sv_simd level, const struct sv_warp_source *s, struct sv_warp_buffer *buffer,
+                        struct sv_warp_stats *stats)
+{
+    assert_int_equal(sv_warp_buffer_create(64, 48, buffer, NULL), SV_OK);
+    memset(buffer->place, 0, 64 * 48 * sizeof *buffer->place);
+    sv_warp_splat_at(level, s, 3, buffer, stats);
+    sv_warp_fill(s - 3, 4, buffer, stats);
+}
+
+/* Leaving out what cannot be seen changes nothing, and leaves most of a source out that is seen from near: at all
+ * angles, from behind, from within (texels behind the eye), more than one strip wide. */
+static void test_parts_out_of_the_picture(void **state)
+{
+    (void)state;
+    static const enum scene_shape shapes[] = {SCENE_SMOOTH, SCENE_STEPPED, SCENE_NOISE};
+    uint64_t texels = 0, all_texels = 0;
+    for (int k = 0; k < 90; k++) {
+        struct sv_warp_source s[4];
+        double angle = 0.07 * k - 3, texel_px = k % 4 ? 3 + k % 7 : 0.5;
+        s[3] = posed(shapes[k % 3], 300 + k % 2 * 25, 40 + k, angle, 0.3 * k, 0.2 * k, texel_px, 64, (uint64_t)k);
+        float *t = (float *)(uintptr_t)s[3].t;
+        for (int n = 0; n < s[3].width * s[3].height; n++)
+            t[n] = fabsf(t[n]);
+        for (int a = 0; a < 4; a++) /* off the middle, and into it */
+            s[3].map.m[a][3] += 90 * s[3].map.m[a][0] + (k % 5 == 0 ? 300 * s[3].map.m[a][2] : 0);
+        for (int level = 0; level < level_count(); level++) {
+            struct sv_warp_buffer whole, parts;
+            struct sv_warp_stats stats = {0}, all = {0};
+            s[3].t_most = 0;
+            draw_filled((enum sv_simd)level, &s[3], &whole, &all);
+            for (int n = 0; n < s[3].width * s[3].height; n++)
+                s[3].t_most = fmaxf(s[3].t_most, t[n]);
+            draw_filled((enum sv_simd)level, &s[3], &parts, &stats);
+            assert_memory_equal(whole.depth, parts.depth, 64 * 48 * sizeof *whole.depth);
+            assert_memory_equal(whole.texel, parts.texel, 64 * 48 * sizeof *whole.texel);
+            assert_memory_equal(whole.place, parts.place, 64 * 48 * sizeof *whole.place);
+            assert_true(stats.texels <= all.texels && stats.pixels == all.pixels);
+            texels += stats.texels;
+            all_texels += all.texels;
+            sv_warp_buffer_finish(&whole);
+            sv_warp_buffer_finish(&parts);
+        }
+        scene_finish(&s[3]);
+    }
+    print_message("looked at %.3f of all texels\n", (double)texels / (double)all_texels);
+    assert_true(texels > 0 && texels < all_texels / 2);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -523,7 +573,7 @@ int main(void)
         cmocka_unit_test(test_noise_has_no_pin_holes),  cmocka_unit_test(test_footprints),
         cmocka_unit_test(test_locate_and_resolve),      cmocka_unit_test(test_resolve_int16),
         cmocka_unit_test(test_fill_takes_the_far_side), cmocka_unit_test(test_fill_leaves_surfaces),
-        cmocka_unit_test(test_order_does_not_matter),
+        cmocka_unit_test(test_order_does_not_matter),   cmocka_unit_test(test_parts_out_of_the_picture),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -87,6 +87,28 @@ static bool outside(const struct sv_tree *tree, double radius, struct sv_vec3 ey
     return false;
 }
 
+/* Whether the axis lies between two cubes, whose distance from a centre is the largest along an axis. */
+static bool between(const struct sv_tree *tree, const struct sv_tree_shell *shell)
+{
+    double top = tree->z + (double)tree->height_m, far[2];
+    for (int k = 0; k < 2; k++) {
+        struct sv_vec3 c = k ? shell->outer : shell->inner;
+        double z = c.z < tree->z ? tree->z - c.z : c.z > top ? c.z - top : 0;
+        far[k] = fmax(z, fmax(fabs(tree->x - c.x), fabs(tree->y - c.y)));
+    }
+    return far[0] > shell->inner_m && far[1] <= shell->outer_m;
+}
+
+/* Cubes about places near the eye: nested or not, with none inside or none outside. */
+static struct sv_tree_shell random_shell(struct sv_rng *rng, struct sv_vec3 eye)
+{
+    struct sv_vec3 by = sv_vec3(sv_rng_range(rng, -40, 40), sv_rng_range(rng, -40, 40), sv_rng_range(rng, -40, 40));
+    return (struct sv_tree_shell){.inner = eye,
+                                  .outer = sv_add(eye, by),
+                                  .inner_m = sv_rng_unit(rng) < 0.3 ? -1 : sv_rng_range(rng, 1, 200),
+                                  .outer_m = sv_rng_unit(rng) < 0.3 ? INFINITY : sv_rng_range(rng, 1, 400)};
+}
+
 static void culling_matches_brute_force(void **state)
 {
     (void)state;
@@ -98,7 +120,7 @@ static void culling_matches_brute_force(void **state)
     struct sv_cull_list list = {0};
     random_trees(trees, TREES, 3);
     fixture_forest_init(&f, trees, TREES, 0.6f);
-    for (int round = 0; round < 60; round++) {
+    for (int round = 0; round < 120; round++) {
         struct sv_error error;
         struct sv_vec3 eye = sv_vec3(400000 + sv_rng_range(&rng, -400, 400),
                                      9000000 + sv_rng_range(&rng, -400, 400), sv_rng_range(&rng, 0, 150));
@@ -111,13 +133,16 @@ static void culling_matches_brute_force(void **state)
         }
         double planes[5][4];
         sv_camera_planes(&c, planes);
-        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, &list, &error), &error);
+        struct sv_tree_shell shell = random_shell(&rng, eye);
+        bool all = round % 2 == 0;
+        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, all ? NULL : &shell, &list, &error), &error);
         uint8_t drawn[TREES] = {0};
         uint32_t seen = 0;
         for (uint32_t k = 0; k < list.count; k++)
             drawn[list.entries[k].tree]++;
         for (uint32_t k = 0; k < TREES; k++) {
-            bool want = !outside(&f.trees[k], (double)species[f.trees[k].species].radius, eye, planes);
+            bool want = !outside(&f.trees[k], (double)species[f.trees[k].species].radius, eye, planes) &&
+                        (all || between(&f.trees[k], &shell));
             /* A tree's box that touches a plane may fall on either side by rounding: none does with these
              * seeds. */
             assert_int_equal(drawn[k], want);
