@@ -531,9 +531,10 @@ static void color_ground(struct sv_cells *c, const struct frame *f)
 {
     struct sv_warp_source sources[SV_CELL_FACES];
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    const float(*light)[4] = (const float(*)[4])c->light;
+    uint32_t *texel = c->ground.texel;
     for (size_t k = 0; k < pixels; k++)
-        if (c->light[k][3] < SV_CROWN_PASS_MIN)
-            c->ground.texel[k] = SV_WARP_EMPTY;
+        texel[k] |= light[k][3] < SV_CROWN_PASS_MIN ? SV_WARP_EMPTY : 0;
     memset(c->rgba, 0, 4 * pixels);
     unsigned count = ground_sources(c, f, sources);
     sv_warp_resolve(sources, count, &c->ground, c->rgba);
@@ -546,8 +547,11 @@ static enum sv_status shade_behind(struct sv_cells *c, const struct frame *f, st
     bool direct = f->ground_ring < 0;
     if (direct ? has_objects(c) : !f->sky)
         return SV_OK;
+    const float(*light)[4] = (const float(*)[4])c->light, *depth = c->depth;
+    uint8_t *restrict hidden = c->hidden;
+    float nearest = direct ? INFINITY : 0;
     for (size_t k = 0; k < pixels; k++)
-        c->hidden[k] = c->light[k][3] < SV_CROWN_PASS_MIN || (!direct && c->depth[k] > 0);
+        hidden[k] = (uint8_t)((light[k][3] < SV_CROWN_PASS_MIN) | (depth[k] > nearest));
     return sv_direct_shade_ground(c->direct, f->view, f->sky, c->row_first, c->row_count, c->depth, c->hidden,
                                   c->rgba[0], error);
 }

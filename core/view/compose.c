@@ -1,11 +1,22 @@
 /* compose.c - see compose.h: the reference, and the choice. TWIN: compose_avx2.c. */
 #include "core/view/compose.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "core/base/color.h"
 #include "core/base/simd.h"
 #include "core/view/compose_kernel.h"
+
+static uint8_t encode(float v)
+{
+    v = v > 0 ? v : 0; /* NaN: 0 */
+    v = v < 1 ? v : 1;
+    float root = sqrtf(sqrtf(v)), code = sv_compose_term[SV_COMPOSE_TERMS - 1];
+    for (int k = SV_COMPOSE_TERMS - 2; k >= 0; k--)
+        code = code * root + sv_compose_term[k];
+    return (uint8_t)((v <= SV_COMPOSE_BEND ? v * SV_COMPOSE_SLOPE : code) + 0.5f);
+}
 
 void sv_compose_scalar(size_t count, const float (*light)[4], const uint8_t (*behind)[4], uint8_t (*out)[4])
 {
@@ -21,7 +32,7 @@ void sv_compose_scalar(size_t count, const float (*light)[4], const uint8_t (*be
         }
         uint8_t alpha = (uint8_t)(255 * (1 - pass) + pass * (float)behind[k][3] + 0.5f);
         for (int c = 0; c < 3; c++)
-            out[k][c] = sv_srgb8_from_linear(each * light[k][c] + pass * sv_linear_from_srgb8[behind[k][c]]);
+            out[k][c] = encode(each * light[k][c] + pass * sv_linear_from_srgb8[behind[k][c]]);
         out[k][3] = alpha;
     }
 }

@@ -4,15 +4,15 @@
 #include "core/base/color.h"
 #include "core/view/compose_kernel.h"
 
-/* sv_srgb8_from_linear. */
 static inline __m256i encode(__m256 v)
 {
-    const __m256i step = _mm256_set1_epi32(1);
     v = _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), _mm256_set1_ps(1)); /* NaN: 0 */
-    __m256i bin = _mm256_cvttps_epi32(_mm256_mul_ps(v, _mm256_set1_ps(4096)));
-    __m256i code = _mm256_i32gather_epi32(sv_srgb8_bin, bin, 4);
-    __m256 next = _mm256_i32gather_ps(sv_srgb8_threshold, _mm256_add_epi32(code, step), 4);
-    return _mm256_sub_epi32(code, _mm256_castps_si256(_mm256_cmp_ps(v, next, _CMP_GE_OQ)));
+    __m256 root = _mm256_sqrt_ps(_mm256_sqrt_ps(v)), code = _mm256_set1_ps(sv_compose_term[SV_COMPOSE_TERMS - 1]);
+    for (int k = SV_COMPOSE_TERMS - 2; k >= 0; k--)
+        code = _mm256_add_ps(_mm256_mul_ps(code, root), _mm256_set1_ps(sv_compose_term[k]));
+    __m256 straight = _mm256_mul_ps(v, _mm256_set1_ps(SV_COMPOSE_SLOPE));
+    code = _mm256_blendv_ps(code, straight, _mm256_cmp_ps(v, _mm256_set1_ps(SV_COMPOSE_BEND), _CMP_LE_OQ));
+    return _mm256_cvttps_epi32(_mm256_add_ps(code, _mm256_set1_ps(0.5f)));
 }
 
 static inline void two(const float (*light)[4], const uint8_t (*behind)[4], uint8_t (*out)[4])
