@@ -501,7 +501,7 @@ int main(int argc, char **argv)
     fprintf(csv, "scene,step,holes,ground_holes,shift,predicted,measured,holes_measured\n");
     struct weights weights = {0, 0};
     struct forest forest;
-    forest_use_cells(CACHE_BYTES);
+    forest_use_cells(CACHE_BYTES, true);
     forest_open(9000, false, &forest);
     run("fit", &forest, &setup, &weights, csv);
     if (setup.demo) {

@@ -60,10 +60,12 @@ double forest_median(double *values, int count)
 }
 
 static size_t cells_bytes;
+static bool large_pages;
 
-void forest_use_cells(size_t bytes)
+void forest_use_cells(size_t bytes, bool large)
 {
     cells_bytes = bytes;
+    large_pages = large;
 }
 
 static void make_cells(struct forest *forest)
@@ -72,7 +74,7 @@ static void make_cells(struct forest *forest)
     if (cells_bytes == 0)
         return;
     void *memory = mmap(NULL, cells_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (memory != MAP_FAILED) /* as server/cells_memory.c */
+    if (memory != MAP_FAILED && large_pages) /* as server/cells_memory.c */
         (void)madvise(memory, cells_bytes, MADV_HUGEPAGE);
     if (memory == MAP_FAILED ||
         sv_cell_cache_make(memory, cells_bytes, &SV_CELL_CACHE_OPTIONS_DEFAULT, &forest->cells, &error)) {

@@ -21,7 +21,7 @@ struct forest {
 
 /* Forests opened from now on draw from cells where a request has relief=on, with a cache of that many bytes (shared
  * with what is forked later); 0: they do not. */
-void forest_use_cells(size_t bytes);
+void forest_use_cells(size_t bytes, bool large);
 
 /* count trees; truth: the ray-cast structures are built, too. */
 void forest_open(uint32_t count, bool truth, struct forest *forest);

@@ -3,13 +3,15 @@
  *
  *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
- *               [--warm] [--still] [--parts] [-o FOLDER]
+ *               [--warm] [--still] [--parts] [--small-pages] [-o FOLDER]
  *
  * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
- * kinds at random. --warm: the path is gone along once before it is measured; --still: the first pose again
- * and again. --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured.
- * four: the ray cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast
- * truth. --parts: the same by parts of the picture (walk_parts.h).
+ * kinds at random. --warm: the path is gone along once before it is measured, by the process that workers are forked
+ * from, and each worker draws one frame: what is measured maps panels that others have built, but makes nothing that a
+ * process makes once. --still: the first pose again and again. --small-pages: the system is not asked for large ones.
+ * --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. four: the ray cast of
+ * four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the same by parts of
+ * the picture (walk_parts.h).
  *
  * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
  * frame, in all forms one after the other, from the first or, in turn, from the last; frames a second are workers * 1000 / median ms, encoding left out.
@@ -47,7 +49,7 @@ struct setup {
     int frames, width, height, truth_stride, workers;
     int refine_samples, refine_scale; /* 0: panels stay as built */
     int panel;                        /* texels a side; 0: the scene's */
-    bool forms[FORMS], warm, still, parts;
+    bool forms[FORMS], warm, still, parts, small_pages;
     const char *folder;
 };
 
@@ -156,8 +158,19 @@ static void draw_frame(const struct forest *forest, const struct setup *setup, i
     sv_picture_finish(&picture);
 }
 
+static void draw_once(const struct forest *forest, const struct setup *setup, int k)
+{
+    struct sv_view_request request = pose(forest, setup, k);
+    struct sv_picture picture;
+    dress(&request, ON);
+    forest_draw(forest, &request, &picture, NULL, NULL, NULL);
+    sv_picture_finish(&picture);
+}
+
 static void work(const struct forest *forest, const struct setup *setup, int worker)
 {
+    if (setup->warm && setup->forms[ON])
+        draw_once(forest, setup, worker);
     for (int k = worker; k < setup->frames; k += setup->workers) {
         struct sv_view_request request = pose(forest, setup, k);
         bool compare = setup->truth_stride > 0 && k % setup->truth_stride == 0;
@@ -343,13 +356,8 @@ static void write_sheet(const struct forest *forest, const struct setup *setup)
 
 static void go_along(const struct forest *forest, const struct setup *setup)
 {
-    for (int k = 0; k < setup->frames; k++) {
-        struct sv_view_request request = pose(forest, setup, k);
-        struct sv_picture picture;
-        dress(&request, ON);
-        forest_draw(forest, &request, &picture, NULL, NULL, NULL);
-        sv_picture_finish(&picture);
-    }
+    for (int k = 0; k < setup->frames; k++)
+        draw_once(forest, setup, k);
 }
 
 static bool run_count(const struct setup *setup, FILE *csv, double rate[FORMS])
@@ -465,13 +473,16 @@ int main(int argc, char **argv)
             setup.still = true;
         else if (strcmp(argv[k], "--parts") == 0)
             setup.parts = true;
+        else if (strcmp(argv[k], "--small-pages") == 0)
+            setup.small_pages = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
     if (!well) {
         fprintf(stderr, "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
                         "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
-                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] [-o FOLDER]\n");
+                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] [--small-pages] "
+                        "[-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
@@ -492,7 +503,7 @@ int main(int argc, char **argv)
             "trees,path,frame,form,ms,processor_ms,cell_ms,warp_ms,near_ms,composite_ms,panels,built,holes,"
             "holes_left,mean_abs,ssim,gradient\n");
     static double rate[FORMS][COUNTS_MAX];
-    forest_use_cells((size_t)4 << 30);
+    forest_use_cells((size_t)4 << 30, !setup.small_pages);
     for (int k = 0; k < setup.count_count && well; k++) {
         double of[FORMS] = {0};
         setup.trees = setup.counts[k];
