@@ -54,7 +54,8 @@ enum sv_status sv_crown_buffer_create(int width, int row_first, int row_count,
     b->nowhere = (int)keys;
     b->keys = calloc(keys + 1, sizeof *b->keys);
     b->closed = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
-    if (!b->keys || !b->closed) {
+    b->shown = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
+    if (!b->keys || !b->closed || !b->shown) {
         sv_crown_buffer_destroy(b);
         return sv_fail(error, SV_ENOMEM, "band", "no memory for %d x %d pixels", width, row_count);
     }
@@ -68,12 +69,14 @@ void sv_crown_buffer_destroy(struct sv_crown_buffer *buffer)
         return;
     free(buffer->keys);
     free(buffer->closed);
+    free(buffer->shown);
     free(buffer);
 }
 
 void sv_crown_buffer_clear(struct sv_crown_buffer *buffer)
 {
     const uint64_t one = UINT64_C(1) << SV_CROWN_EPOCH_SHIFT;
+    memset(buffer->shown, 0, (size_t)buffer->blocks_x * (size_t)buffer->blocks_y);
     if (buffer->epoch < SV_CROWN_EPOCHS * one) {
         buffer->epoch += one;
         return;
@@ -136,20 +139,40 @@ static void splat_set(const struct sv_crown_source *source, unsigned k, struct s
     s->tag = (uint32_t)k << SV_CROWN_TEXEL_BITS;
 }
 
-/* Whether no pixel of columns x0 .. x1, rows y0 .. y1 (clipped to the band; never empty there before) lets
- * light pass. */
-static bool all_closed(const struct sv_crown_buffer *buffer, int x0, int x1, int y0, int y1)
+/* Blocks that pixels of a box lie in, clipped to the band. */
+static struct sv_crown_box blocks_of(const struct sv_crown_buffer *buffer, const struct sv_crown_box *box)
 {
     int last_x = buffer->width - 1, last_y = buffer->row_count - 1;
-    x0 = (x0 > 0 ? x0 : 0) / SV_CROWN_BLOCK;
-    x1 = (x1 < last_x ? x1 : last_x) / SV_CROWN_BLOCK;
-    y0 = (y0 > buffer->row_first ? y0 - buffer->row_first : 0) / SV_CROWN_BLOCK;
-    y1 = (y1 - buffer->row_first < last_y ? y1 - buffer->row_first : last_y) / SV_CROWN_BLOCK;
-    for (int y = y0; y <= y1; y++)
-        for (int x = x0; x <= x1; x++)
+    int y0 = box->y0 - buffer->row_first, y1 = box->y1 - buffer->row_first;
+    struct sv_crown_box b = {(box->x0 > 0 ? box->x0 : 0), (box->x1 < last_x ? box->x1 : last_x),
+                             (y0 > 0 ? y0 : 0), (y1 < last_y ? y1 : last_y)};
+    if (b.x0 > b.x1 || b.y0 > b.y1)
+        return (struct sv_crown_box){0, -1, 0, -1};
+    return (struct sv_crown_box){b.x0 / SV_CROWN_BLOCK, b.x1 / SV_CROWN_BLOCK, b.y0 / SV_CROWN_BLOCK,
+                                 b.y1 / SV_CROWN_BLOCK};
+}
+
+/* Whether no pixel of the box (of its part in the band) lets light pass. */
+static bool all_closed(const struct sv_crown_buffer *buffer, const struct sv_crown_box *box)
+{
+    struct sv_crown_box b = blocks_of(buffer, box);
+    for (int y = b.y0; y <= b.y1; y++)
+        for (int x = b.x0; x <= b.x1; x++)
             if (!buffer->closed[y * buffer->blocks_x + x])
                 return false;
     return true;
+}
+
+/* Pixels of the box, and those that look at them, may show something. */
+static void mark_shown(struct sv_crown_buffer *buffer, struct sv_crown_box box)
+{
+    if (box.x1 < box.x0)
+        return;
+    box = (struct sv_crown_box){box.x0 - SV_CROWN_REACH, box.x1 + SV_CROWN_REACH, box.y0 - SV_CROWN_REACH,
+                                box.y1 + SV_CROWN_REACH};
+    struct sv_crown_box b = blocks_of(buffer, &box);
+    for (int y = b.y0; y <= b.y1; y++)
+        memset(&buffer->shown[y * buffer->blocks_x + b.x0], 1, (size_t)(b.x1 - b.x0 + 1));
 }
 
 /* Sides of the view, as linear functions of (xs, ys, q, 1) that are not negative inside: columns and rows
@@ -210,8 +233,8 @@ static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, in
     float x1 = fminf(max_x + around, s->hi_x), y1 = fminf(max_y + around, s->hi_y);
     min_x = fmaxf(min_x - around, s->lo_x);
     min_y = fmaxf(min_y - around, s->lo_y);
-    return min_x > x1 || min_y > y1 ||
-           all_closed(s->buffer, (int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y), (int)floorf(y1));
+    const struct sv_crown_box box = {(int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y), (int)floorf(y1)};
+    return min_x > x1 || min_y > y1 || all_closed(s->buffer, &box);
 }
 
 /* The most that the sum of |L1| and |L2| is over the tile's box of centres, each L taken at its own most.
@@ -266,7 +289,7 @@ static void splat_source(const struct sv_crown_kernel *kernel, const struct sv_c
             sum->drawn++;
             sum->texels += tile->count;
             tile_set(splat, texel, tx, ty, tile, &at);
-            kernel->tile(splat, &at);
+            mark_shown(splat->buffer, kernel->tile(splat, &at));
         }
 }
 
@@ -352,7 +375,7 @@ void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_c
             int i0 = x * SV_CROWN_BLOCK, j0 = y * SV_CROWN_BLOCK;
             int i1 = i0 + SV_CROWN_BLOCK < buffer->width ? i0 + SV_CROWN_BLOCK : buffer->width;
             int j1 = j0 + SV_CROWN_BLOCK < buffer->row_count ? j0 + SV_CROWN_BLOCK : buffer->row_count;
-            if (*closed)
+            if (*closed || !buffer->shown[y * buffer->blocks_x + x])
                 continue;
             *closed = kernel->block(&resolve, i0, i1, j0, j1);
             buffer->closed_count += *closed;

@@ -53,6 +53,18 @@ static inline void list_put(struct list *list, uint64_t *keys)
     list->count = 0;
 }
 
+/* Least and largest pixels of what is drawn of a tile, lane by lane. */
+struct bounds {
+    __m256i x0, x1, y0, y1;
+};
+
+static inline int least_of(__m256i v)
+{
+    __m128i m = _mm_min_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1));
+    m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0x4e));
+    return _mm_cvtsi128_si32(_mm_min_epi32(m, _mm_shuffle_epi32(m, 0xb1)));
+}
+
 /* What eight texels of a row need. */
 struct texels {
     __m256 at[4], dc[4], spread_x, spread_y, lo_x, hi_x, lo_y, hi_y;
@@ -119,7 +131,7 @@ static inline void list_boxes(struct list *list, int stride, __m256i live, const
 
 /* Eight texels of codes q, the first of which is number `slot` of the tile; low: their tags, inverted. */
 static inline void draw8(const struct sv_crown_buffer *buffer, const struct texels *t, __m256i q, __m256i low,
-                         int slot, struct list *list)
+                         int slot, struct list *list, struct bounds *bounds)
 {
     __m256 code = _mm256_cvtepi32_ps(q), zero = _mm256_setzero_ps(), one = _mm256_set1_ps(1), p[4];
     for (int k = 0; k < 4; k++)
@@ -141,6 +153,10 @@ static inline void draw8(const struct sv_crown_buffer *buffer, const struct texe
         return;
     uint32_t pixel[LANES];
     uint64_t *keys = list->keys + slot;
+    bounds->x0 = _mm256_min_epi32(bounds->x0, _mm256_blendv_epi8(bounds->x0, across.first, live));
+    bounds->x1 = _mm256_max_epi32(bounds->x1, _mm256_blendv_epi8(bounds->x1, across.last, live));
+    bounds->y0 = _mm256_min_epi32(bounds->y0, _mm256_blendv_epi8(bounds->y0, along.first, live));
+    bounds->y1 = _mm256_max_epi32(bounds->y1, _mm256_blendv_epi8(bounds->y1, along.last, live));
     __m256i at = _mm256_mullo_epi32(along.first, _mm256_set1_epi32(buffer->stride));
     at = _mm256_add_epi32(_mm256_add_epi32(at, across.first), _mm256_set1_epi32(buffer->origin));
     __m256i more = _mm256_or_si256(_mm256_cmpgt_epi32(across.last, across.first),
@@ -170,12 +186,14 @@ static void texels_set(const struct sv_crown_splat *s, const struct sv_crown_til
     t->epoch = _mm256_set1_epi32((int)(s->buffer->epoch >> 32));
 }
 
-static void tile_avx2(const struct sv_crown_splat *s, const struct sv_crown_tile_at *at)
+static struct sv_crown_box tile_avx2(const struct sv_crown_splat *s, const struct sv_crown_tile_at *at)
 {
     const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
     struct list list;
     struct texels t;
     __m256 across[2][4];
+    const __m256i none = _mm256_set1_epi32(INT32_MAX);
+    struct bounds bounds = {none, _mm256_setzero_si256(), none, _mm256_setzero_si256()};
     list.count = 0;
     texels_set(s, at, &t);
     for (int g = 0; g < 2; g++) {
@@ -198,10 +216,13 @@ static void tile_avx2(const struct sv_crown_splat *s, const struct sv_crown_tile
                 t.at[k] = _mm256_add_ps(_mm256_set1_ps(first[k]), across[g][k]);
             __m256i low =
                 _mm256_sub_epi32(_mm256_set1_epi32((int)(SV_CROWN_TAG_MASK - s->tag - texel)), lane);
-            draw8(s->buffer, &t, q, low, slot, &list);
+            draw8(s->buffer, &t, q, low, slot, &list, &bounds);
         }
     }
     list_put(&list, s->buffer->keys);
+    const __m256i all = _mm256_set1_epi32(-1); /* the largest is the least, all bits turned */
+    return (struct sv_crown_box){least_of(bounds.x0), ~least_of(_mm256_xor_si256(bounds.x1, all)), least_of(bounds.y0),
+                                 ~least_of(_mm256_xor_si256(bounds.y1, all))};
 }
 
 /* ---- resolve ---- */

@@ -33,6 +33,7 @@ struct sv_crown_buffer {
     uint64_t *keys; /* row_count and the apron's rows */
     int blocks_x, blocks_y, closed_count;
     uint8_t *closed; /* of blocks of 16 x 16 pixels of the band: nothing passes any more */
+    uint8_t *shown;  /* ... resolve may find a key there, or beside it, since the last clear */
 };
 
 /* The key of column i, row j of the band. */
@@ -70,7 +71,12 @@ struct sv_crown_tile_at {
     uint32_t texel; /* the first */
     float at[4], spread_x, spread_y;
 };
-typedef void (*sv_crown_tile)(const struct sv_crown_splat *splat, const struct sv_crown_tile_at *tile);
+/* Pixels that are drawn, columns and picture rows, the last ones included; x1 < x0: none. */
+struct sv_crown_box {
+    int x0, x1, y0, y1;
+};
+/* Returns a box that holds all pixels that were drawn. */
+typedef struct sv_crown_box (*sv_crown_tile)(const struct sv_crown_splat *splat, const struct sv_crown_tile_at *tile);
 
 /* One source, ready to resolve: r_x, r_y, r_w at (x, y) is (at[k] + x dx[k]) + y dy[k], the first two times
  * size / 2 and -size / 2; u = (r_x / r_w) (1 + c gw) + c gu + middle, v alike, c the code. */

@@ -16,8 +16,17 @@ static void pixels_within(float x, float half, float lo, float hi, float *first,
     *last = b < hi ? b : hi;
 }
 
+static void box_add(struct sv_crown_box *box, int x0, int x1, int y0, int y1)
+{
+    bool none = box->x1 < box->x0;
+    box->x0 = none || x0 < box->x0 ? x0 : box->x0;
+    box->x1 = none || x1 > box->x1 ? x1 : box->x1;
+    box->y0 = none || y0 < box->y0 ? y0 : box->y0;
+    box->y1 = none || y1 > box->y1 ? y1 : box->y1;
+}
+
 static void put_texel(const struct sv_crown_splat *s, const struct sv_crown_tile_at *at, const float p[4],
-                      uint32_t tag)
+                      uint32_t tag, struct sv_crown_box *box)
 {
     float inverse = 1.0f / p[3], square = inverse * inverse;
     float x = p[0] * inverse, y = p[1] * inverse, d = p[2] * inverse, i0, i1, j0, j1;
@@ -27,6 +36,7 @@ static void put_texel(const struct sv_crown_splat *s, const struct sv_crown_tile
     pixels_within(y, at->spread_y * square, s->lo_y, s->hi_y, &j0, &j1);
     if (!(i0 <= i1 && j0 <= j1))
         return;
+    box_add(box, (int)i0, (int)i1, (int)j0, (int)j1);
     uint64_t key = sv_crown_key(s->buffer->epoch, sv_crown_bits(d), tag);
     for (int j = (int)j0; j <= (int)j1; j++) {
         uint64_t *keys = s->buffer->keys + s->buffer->origin + (ptrdiff_t)j * s->buffer->stride;
@@ -35,8 +45,9 @@ static void put_texel(const struct sv_crown_splat *s, const struct sv_crown_tile
     }
 }
 
-static void draw_tile(const struct sv_crown_splat *s, const struct sv_crown_tile_at *at)
+static struct sv_crown_box draw_tile(const struct sv_crown_splat *s, const struct sv_crown_tile_at *at)
 {
+    struct sv_crown_box box = {0, -1, 0, -1};
     for (int j = 0; j < SV_PANEL_TILE; j++)
         for (int i = 0; i < SV_PANEL_TILE; i++) {
             uint32_t texel = at->texel + (uint32_t)(j * SV_PANEL_TILE + i);
@@ -46,8 +57,9 @@ static void draw_tile(const struct sv_crown_splat *s, const struct sv_crown_tile
                 continue;
             for (int k = 0; k < 4; k++)
                 p[k] = ((at->at[k] + (float)j * s->dv[k]) + (float)i * s->du[k]) + (float)code * s->dc[k];
-            put_texel(s, at, p, s->tag + texel);
+            put_texel(s, at, p, s->tag + texel, &box);
         }
+    return box;
 }
 
 /* ---- resolve ---- */
