@@ -240,8 +240,8 @@ static bool builds(const struct sv_cache_entry *e, unsigned slot)
 }
 
 /* The old piece goes first: who is killed in between leaves nothing, as one that was killed before. */
-bool sv_cell_cache_fit(struct sv_cell_cache *cache, unsigned slot, struct sv_cell_cache_panel *panel, size_t bytes,
-                       double now_s)
+bool sv_cell_cache_fit(struct sv_cell_cache *cache, unsigned slot, struct sv_cell_cache_panel *panel,
+                       size_t bytes, double now_s)
 {
     assert(slot < SV_CELL_CACHE_SLOTS && isfinite(now_s));
     if (!lock(cache))

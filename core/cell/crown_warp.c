@@ -233,7 +233,8 @@ static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, in
     float x1 = fminf(max_x + around, s->hi_x), y1 = fminf(max_y + around, s->hi_y);
     min_x = fmaxf(min_x - around, s->lo_x);
     min_y = fmaxf(min_y - around, s->lo_y);
-    const struct sv_crown_box box = {(int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y), (int)floorf(y1)};
+    const struct sv_crown_box box = {(int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y),
+                                     (int)floorf(y1)};
     return min_x > x1 || min_y > y1 || all_closed(s->buffer, &box);
 }
 

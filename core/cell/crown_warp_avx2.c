@@ -221,8 +221,8 @@ static struct sv_crown_box tile_avx2(const struct sv_crown_splat *s, const struc
     }
     list_put(&list, s->buffer->keys);
     const __m256i all = _mm256_set1_epi32(-1); /* the largest is the least, all bits turned */
-    return (struct sv_crown_box){least_of(bounds.x0), ~least_of(_mm256_xor_si256(bounds.x1, all)), least_of(bounds.y0),
-                                 ~least_of(_mm256_xor_si256(bounds.y1, all))};
+    return (struct sv_crown_box){least_of(bounds.x0), ~least_of(_mm256_xor_si256(bounds.x1, all)),
+                                 least_of(bounds.y0), ~least_of(_mm256_xor_si256(bounds.y1, all))};
 }
 
 /* ---- resolve ---- */

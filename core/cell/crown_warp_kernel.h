@@ -2,10 +2,11 @@
  * at each SIMD level. Private to core/cell/crown_warp*.c and their tests.
  *
  * The buffer holds a key a pixel, 64 bits: epoch (5, below a 0), bits of the float d in [0, 1] (30),
- * source and texel (slot and place in it: sv_panel_layer.q's index), inverted (4 + 24). With an epoch of at most 30 keys are finite doubles of the same order,
- * too. The largest wins, so that nearer beats farther and no order of drawing matters; a clear is a new
- * epoch, which beats all that is there, and empties memory once in 30 times. Around the band lies an apron of
- * SV_CROWN_REACH pixels, splatted like the rest, for resolve looks at neighbours.
+ * source and texel (slot and place in it: sv_panel_layer.q's index), inverted (4 + 24). With an epoch of at
+ * most 30 keys are finite doubles of the same order, too. The largest wins, so that nearer beats farther and
+ * no order of drawing matters; a clear is a new epoch, which beats all that is there, and empties memory once
+ * in 30 times. Around the band lies an apron of SV_CROWN_REACH pixels, splatted like the rest, for resolve
+ * looks at neighbours.
  *
  * The same arithmetic in the same order at every level (no fused multiply-add, true divisions). */
 #ifndef SV_CELL_CROWN_WARP_KERNEL_H
@@ -65,8 +66,8 @@ struct sv_crown_splat {
     uint32_t tag;                 /* of texel 0 */
 };
 
-/* A tile of a source, of all 16 x 16 texels (none is occupied beyond the panel's end). Half a texel's box is spread /
- * w^2 and SV_CROWN_GROW. */
+/* A tile of a source, of all 16 x 16 texels (none is occupied beyond the panel's end). Half a texel's box is
+ * spread / w^2 and SV_CROWN_GROW. */
 struct sv_crown_tile_at {
     uint32_t texel; /* the first */
     float at[4], spread_x, spread_y;
@@ -76,7 +77,8 @@ struct sv_crown_box {
     int x0, x1, y0, y1;
 };
 /* Returns a box that holds all pixels that were drawn. */
-typedef struct sv_crown_box (*sv_crown_tile)(const struct sv_crown_splat *splat, const struct sv_crown_tile_at *tile);
+typedef struct sv_crown_box (*sv_crown_tile)(const struct sv_crown_splat *splat,
+                                             const struct sv_crown_tile_at *tile);
 
 /* One source, ready to resolve: r_x, r_y, r_w at (x, y) is (at[k] + x dx[k]) + y dy[k], the first two times
  * size / 2 and -size / 2; u = (r_x / r_w) (1 + c gw) + c gu + middle, v alike, c the code. */

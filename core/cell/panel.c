@@ -13,9 +13,9 @@ struct header {
     uint32_t version, header_bytes;
     uint64_t bytes; /* of the block */
     struct sv_panel_about about;
-    uint32_t last_slot;                 /* of crowns; 0 without */
+    uint32_t last_slot;                /* of crowns; 0 without */
     int32_t ground_first, ground_rows; /* 0 without */
-    uint32_t reserved;                  /* 0 */
+    uint32_t reserved;                 /* 0 */
 };
 
 /* Where the arrays of a block begin; those of a layer that is not there take no room. */
@@ -66,11 +66,12 @@ static const char *fault_of(const struct sv_panel_about *about)
 
 /* ---- rooms ---- */
 
-enum sv_status sv_panel_room_create(int size, unsigned layers, struct sv_panel_room *room, struct sv_error *error)
+enum sv_status sv_panel_room_create(int size, unsigned layers, struct sv_panel_room *room,
+                                    struct sv_error *error)
 {
     if (!is_legal(size, layers))
-        return sv_fail(error, SV_EINVAL, "size", "%d texels a side, layers %u are out of range for a panel", size,
-                       layers);
+        return sv_fail(error, SV_EINVAL, "size", "%d texels a side, layers %u are out of range for a panel",
+                       size, layers);
     size_t texels = (size_t)size * (size_t)size, side = (size_t)sv_panel_tiles(size);
     bool crowns = layers & SV_PANEL_CROWNS, ground = layers & SV_PANEL_GROUND;
     struct sv_panel_room r = {.size = size};
@@ -197,11 +198,16 @@ static void set_rows(struct sv_panel_room *room)
 static struct header header_of(const struct sv_panel_room *room, const struct sv_panel_about *about)
 {
     struct header header;
-    memset(&header, 0, sizeof header); /* also what lies between its members */
+    memset(&header, 0, sizeof header); /* also what lies between its members, and those of about */
     header.magic = MAGIC;
     header.version = VERSION;
     header.header_bytes = sizeof header;
-    header.about = *about;
+    header.about.key = about->key;
+    header.about.place = about->place;
+    header.about.distance_m = about->distance_m;
+    header.about.face = about->face;
+    header.about.size = about->size;
+    header.about.layers = about->layers;
     header.last_slot = room->color ? room->last_slot : 0;
     header.ground_first = room->ground_q ? room->ground_first : 0;
     header.ground_rows = room->ground_q ? room->ground_rows : 0;
@@ -241,7 +247,8 @@ static void put_slot(const struct sv_panel_room *room, int tx, int ty, uint16_t 
     memset(q, 0, SV_PANEL_SLOT_CODES * sizeof *q);
     memset(color, 0, SV_PANEL_SLOT_COLORS * sizeof *color);
     for (int j = 0; j < rows; j++)
-        memcpy(q + j * SV_PANEL_TILE, room->q + first + (size_t)j * (size_t)room->size, (size_t)columns * sizeof *q);
+        memcpy(q + j * SV_PANEL_TILE, room->q + first + (size_t)j * (size_t)room->size,
+               (size_t)columns * sizeof *q);
     for (int j = 0; j < high; j++)
         memcpy(color + j * SV_PANEL_SLOT_SIDE, room->color + first + (size_t)j * (size_t)room->size,
                (size_t)wide * sizeof *color);
@@ -257,7 +264,8 @@ static void put_crowns(const struct sv_panel_room *room, const struct layout *at
     for (int t = 0; t < side * side; t++) {
         size_t slot = room->tiles[t].slot;
         if (slot < last)
-            put_slot(room, t % side, t / side, q + slot * SV_PANEL_SLOT_CODES, color + slot * SV_PANEL_SLOT_COLORS);
+            put_slot(room, t % side, t / side, q + slot * SV_PANEL_SLOT_CODES,
+                     color + slot * SV_PANEL_SLOT_COLORS);
     }
     q += last * SV_PANEL_SLOT_CODES;
     color += last * SV_PANEL_SLOT_COLORS;
@@ -265,8 +273,8 @@ static void put_crowns(const struct sv_panel_room *room, const struct layout *at
     memset(color, 0, (size_t)(block + at->ground_color - (uint8_t *)color));
 }
 
-enum sv_status sv_panel_write(const struct sv_panel_room *room, const struct sv_panel_about *about, void *block,
-                              size_t bytes, struct sv_error *error)
+enum sv_status sv_panel_write(const struct sv_panel_room *room, const struct sv_panel_about *about,
+                              void *block, size_t bytes, struct sv_error *error)
 {
     const char *fault = fault_of(about);
     if (!fault && (about->size != room->size || about->layers != layers_of(room)))
@@ -295,7 +303,8 @@ static bool is_possible(const struct header *header)
 {
     uint32_t side = (uint32_t)sv_panel_tiles(header->about.size);
     int32_t size = header->about.size, first = header->ground_first, rows = header->ground_rows;
-    return header->last_slot <= side * side && first >= 0 && first <= size && rows >= 0 && rows <= size - first;
+    return header->last_slot <= side * side && first >= 0 && first <= size && rows >= 0 &&
+           rows <= size - first;
 }
 
 enum sv_status sv_panel_open(const void *block, size_t bytes, struct sv_panel *panel, struct sv_error *error)
@@ -317,11 +326,12 @@ enum sv_status sv_panel_open(const void *block, size_t bytes, struct sv_panel *p
     const uint8_t *base = block;
     *panel = (struct sv_panel){.about = header.about};
     if (header.about.layers & SV_PANEL_CROWNS)
-        panel->crowns = (struct sv_panel_layer){header.about.size, header.last_slot, (const void *)(base + at.color),
-                                                (const void *)(base + at.q), (const void *)(base + at.tiles)};
+        panel->crowns =
+            (struct sv_panel_layer){header.about.size, header.last_slot, (const void *)(base + at.color),
+                                    (const void *)(base + at.q), (const void *)(base + at.tiles)};
     if (header.about.layers & SV_PANEL_GROUND)
-        panel->ground =
-            (struct sv_panel_ground){header.about.size, header.ground_first, header.ground_rows,
-                                     (const void *)(base + at.ground_color), (const void *)(base + at.ground_q)};
+        panel->ground = (struct sv_panel_ground){header.about.size, header.ground_first, header.ground_rows,
+                                                 (const void *)(base + at.ground_color),
+                                                 (const void *)(base + at.ground_q)};
     return SV_OK;
 }

@@ -1,25 +1,27 @@
 /* panel.h - what is seen from a cell's reference point through one face, kept to be warped: memory of the
  * layers, and crowns out of a drawn canvas.
  *
- * A builder draws all texels of a panel into a room, memory of its own. What is kept of it is ONE block of memory (it
- * may be shared between processes): a header, then its layers, of which only what shows something is stored; so a
- * block's size is known when the panel is drawn. size x size texels over the 90 degrees of a face; texel (i, j), row 0
- * at the top, looks along xs = 2 (i + 0.5) / size - 1 to the right and ys = 1 - 2 (j + 0.5) / size up (tangents). What
- * it shows is at depth Z along the face's forward, stored as q = D / Z, D the ring's distance: 0 infinitely far, 1 on
- * the face's plane, up to 2 for crowns that reach over it (algorithms.md 2.1, 2.2).
+ * A builder draws all texels of a panel into a room, memory of its own. What is kept of it is ONE block of
+ * memory (it may be shared between processes): a header, then its layers, of which only what shows something
+ * is stored; so a block's size is known when the panel is drawn. size x size texels over the 90 degrees of a
+ * face; texel (i, j), row 0 at the top, looks along xs = 2 (i + 0.5) / size - 1 to the right and ys = 1 - 2
+ * (j + 0.5) / size up (tangents). What it shows is at depth Z along the face's forward, stored as q = D / Z,
+ * D the ring's distance: 0 infinitely far, 1 on the face's plane, up to 2 for crowns that reach over it
+ * (algorithms.md 2.1, 2.2).
  *
  * Crowns are see-through: colour premultiplied by coverage, rgb = 255 sqrt(linear), a = 255 coverage; q a
  * code of 1 / 32768. A texel is occupied where its code is not 0: where it shows something (elsewhere colour
  * is 0, too). Tiles of 16 x 16 texels say how many are occupied and between which q, so that empty ones cost
- * nothing, and in which slot they are stored: a slot holds the codes of a tile, and its colours with those of the
- * texels right of it and below, so that any four texels that are blended lie in one slot. Tiles that show nothing, nor
- * have a neighbour there that does, share one last slot of zeros.
+ * nothing, and in which slot they are stored: a slot holds the codes of a tile, and its colours with those of
+ * the texels right of it and below, so that any four texels that are blended lie in one slot. Tiles that show
+ * nothing, nor have a neighbour there that does, share one last slot of zeros.
  *
- * Ground is opaque, as core/relief/warp.h takes it: sRGB straight, a 255 or 0, q in float (0: nothing); stored from the
- * first row that shows something to the last.
+ * Ground is opaque, as core/relief/warp.h takes it: sRGB straight, a 255 or 0, q in float (0: nothing);
+ * stored from the first row that shows something to the last.
  *
- * Nothing here checks texels and tiles: any bits are legal, and readers stay in bounds whatever they hold (slots beyond
- * the last are taken for it). Plain values; any thread, but a block has one writer and is read only when it is whole. */
+ * Nothing here checks texels and tiles: any bits are legal, and readers stay in bounds whatever they hold
+ * (slots beyond the last are taken for it). Plain values; any thread, but a block has one writer and is read
+ * only when it is whole. */
 #ifndef SV_CELL_PANEL_H
 #define SV_CELL_PANEL_H
 
@@ -48,8 +50,8 @@ struct sv_panel_tile {
     uint16_t slot;
 };
 
-/* Crowns, to read. Tiles row by row, sv_panel_tiles(size) a side, those of the last row and column cut off at the
- * panel's end: beyond it codes and colours are 0. */
+/* Crowns, to read. Tiles row by row, sv_panel_tiles(size) a side, those of the last row and column cut off at
+ * the panel's end: beyond it codes and colours are 0. */
 struct sv_panel_layer {
     int size;
     uint32_t last_slot; /* the empty one: slots are 0 .. last_slot */
@@ -109,7 +111,8 @@ static inline uint32_t sv_panel_slot(const struct sv_panel_layer *layer, int til
 static inline uint16_t sv_panel_code(const struct sv_panel_layer *layer, int i, int j)
 {
     uint32_t slot = sv_panel_slot(layer, j / SV_PANEL_TILE * sv_panel_tiles(layer->size) + i / SV_PANEL_TILE);
-    return layer->q[slot * SV_PANEL_SLOT_CODES + (uint32_t)(j % SV_PANEL_TILE * SV_PANEL_TILE + i % SV_PANEL_TILE)];
+    return layer
+        ->q[slot * SV_PANEL_SLOT_CODES + (uint32_t)(j % SV_PANEL_TILE * SV_PANEL_TILE + i % SV_PANEL_TILE)];
 }
 static inline const uint8_t *sv_panel_color(const struct sv_panel_layer *layer, int i, int j)
 {
@@ -122,16 +125,18 @@ static inline const uint8_t *sv_panel_color(const struct sv_panel_layer *layer, 
 SV_MUST_CHECK enum sv_status sv_panel_room_create(int size, unsigned layers, struct sv_panel_room *room,
                                                   struct sv_error *error);
 void sv_panel_room_finish(struct sv_panel_room *room); /* of a zeroed room: legal */
-/* The room is drawn: sets tiles and rows that are stored. Returns the bytes of the block that it needs, a multiple of
- * SV_PANEL_ALIGN. */
+/* The room is drawn: sets tiles and rows that are stored. Returns the bytes of the block that it needs, a
+ * multiple of SV_PANEL_ALIGN. */
 size_t sv_panel_measure(struct sv_panel_room *room);
-/* Writes a measured room as a block, whole. block: at least as many bytes as measured, aligned to SV_PANEL_ALIGN.
- * SV_EINVAL (about.face, about.size, about.layers not those of the room, D not positive, the block too small or not
- * aligned), with nothing written. */
-SV_MUST_CHECK enum sv_status sv_panel_write(const struct sv_panel_room *room, const struct sv_panel_about *about,
-                                            void *block, size_t bytes, struct sv_error *error);
-/* Reads a block that another process may have written: the header is copied once and checked in full; tiles and
- * texels are not (see above). SV_EFORMAT: not a panel, another version, or one that does not fit into `bytes`. */
+/* Writes a measured room as a block, whole. block: at least as many bytes as measured, aligned to
+ * SV_PANEL_ALIGN. SV_EINVAL (about.face, about.size, about.layers not those of the room, D not positive, the
+ * block too small or not aligned), with nothing written. */
+SV_MUST_CHECK enum sv_status sv_panel_write(const struct sv_panel_room *room,
+                                            const struct sv_panel_about *about, void *block, size_t bytes,
+                                            struct sv_error *error);
+/* Reads a block that another process may have written: the header is copied once and checked in full; tiles
+ * and texels are not (see above). SV_EFORMAT: not a panel, another version, or one that does not fit into
+ * `bytes`. */
 SV_MUST_CHECK enum sv_status sv_panel_open(const void *block, size_t bytes, struct sv_panel *panel,
                                            struct sv_error *error);
 

@@ -162,8 +162,8 @@ static void set_nothing(struct sv_warp_row *row, int from, int to)
     }
 }
 
-/* Entries from .. n - 1 of row j, entry 0 being texel `first` (any of them may lie outside of the source). Returns the
- * solid ones but for the first entry, which the strip before has counted. */
+/* Entries from .. n - 1 of row j, entry 0 being texel `first` (any of them may lie outside of the source).
+ * Returns the solid ones but for the first entry, which the strip before has counted. */
 static uint32_t load_row(const struct sv_warp_kernel *kernel, const struct sv_warp_source *source, int first,
                          int from, int n, int j, struct sv_warp_row *row)
 {
@@ -252,8 +252,8 @@ static void sides_set(struct walk *walk)
     }
 }
 
-/* Whether any of the texels may be seen, footprints included, wherever between 0 and t_most they are: false only where
- * all of them are outside of one side. */
+/* Whether any of the texels may be seen, footprints included, wherever between 0 and t_most they are: false
+ * only where all of them are outside of one side. */
 static bool part_shows(const struct walk *walk, int column, int columns, int row, int rows)
 {
     double u0 = column - 0.5, u1 = column + columns + 0.5, v0 = row - 0.5, v1 = row + rows + 0.5;
@@ -313,8 +313,8 @@ void sv_warp_splat_at(enum sv_simd level, const struct sv_warp_source *source, u
 {
     int64_t budget = (int64_t)SV_WARP_LAYERS * buffer->width * buffer->height;
     struct walk walk = {.kernel = kernel_of(level), .stats = stats};
-    walk.job = (struct sv_warp_job){.source = source, .buffer = buffer, .budget = budget,
-                                    .tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS};
+    walk.job = (struct sv_warp_job){
+        .source = source, .buffer = buffer, .budget = budget, .tag0 = (uint32_t)k << SV_WARP_TEXEL_BITS};
     sides_set(&walk);
     for (int column = -1; column < source->width; column += SV_WARP_STRIP) {
         int left = source->width - column, n = left < SV_WARP_STRIP ? left : SV_WARP_STRIP;

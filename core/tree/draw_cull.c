@@ -87,7 +87,8 @@ static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
 
 static bool in_shell(const struct sv_tree_shell *shell, const struct sv_tree *tree)
 {
-    return axis_distance_m(tree, shell->inner) > shell->inner_m && axis_distance_m(tree, shell->outer) <= shell->outer_m;
+    return axis_distance_m(tree, shell->inner) > shell->inner_m &&
+           axis_distance_m(tree, shell->outer) <= shell->outer_m;
 }
 
 /* Whether some axis in the box, relative to the eye, may lie in the shell; by more than rounding may do. */
@@ -96,7 +97,8 @@ static bool meets_shell(const struct look *look, const struct box *box)
     const struct sv_tree_shell *shell = look->shell;
     const double rounding_m = 1e-3;
     double nearest = 0, farthest = 0;
-    struct sv_vec3 in = sv_sub(shell->inner, look->camera->eye), out = sv_sub(shell->outer, look->camera->eye);
+    struct sv_vec3 in = sv_sub(shell->inner, look->camera->eye),
+                   out = sv_sub(shell->outer, look->camera->eye);
     const double inner[3] = {in.x, in.y, in.z}, outer[3] = {out.x, out.y, out.z};
     for (int a = 0; a < 3; a++) {
         nearest = fmax(nearest, fabs(box->middle[a] - outer[a]) - box->half[a]);
@@ -106,7 +108,8 @@ static bool meets_shell(const struct look *look, const struct box *box)
 }
 
 /* all: none of them is out of view. */
-static void add_trees(const struct look *look, const struct sv_forest_node *node, bool all, struct sv_cull_list *list)
+static void add_trees(const struct look *look, const struct sv_forest_node *node, bool all,
+                      struct sv_cull_list *list)
 {
     for (uint32_t k = node->first; k < node->first + node->count; k++) {
         const struct sv_tree *tree = &look->forest->trees[k];
@@ -175,7 +178,8 @@ static void sort_near_first(struct sv_cull_list *list)
 
 enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cull_species *species,
                               const struct sv_camera *camera, const double planes[5][4],
-                              const struct sv_tree_shell *shell, struct sv_cull_list *list, struct sv_error *error)
+                              const struct sv_tree_shell *shell, struct sv_cull_list *list,
+                              struct sv_error *error)
 {
     const struct look look = {forest, species, camera, planes, shell};
     if (list->room < forest->count) {

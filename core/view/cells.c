@@ -53,6 +53,7 @@ struct sv_cells {
     uint8_t *hidden;
     struct seen seen[SV_CELLS_PANELS_MAX];
     int seen_count;
+    bool full; /* a panel was drawn ahead for which the cache has no room: no other is, for that view */
 };
 
 enum sv_status sv_cells_create(const struct sv_scene *scene, struct sv_direct *direct,
@@ -275,9 +276,9 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
     size_t bytes;
     status = sv_panels_draw(c->panels, &order, &bytes, error);
     if (!status)
-        status = make_place(c, bytes, must, s, error);
-    f->report->built += !status; /* also in vain: so many may be drawn */
-    if (status || s->held == HELD_NOT)
+        status = make_place(c, bytes, !f->ahead, s, error);
+    c->full = !status && s->held == HELD_NOT;
+    if (status || c->full)
         return status;
     status = sv_panels_write(c->panels, s->pin.data, bytes, error);
     if (status)
@@ -286,6 +287,7 @@ static enum sv_status build(struct sv_cells *c, const struct frame *f, const str
     if (s->held == HELD_SHARED)
         sv_cell_cache_commit(c->options.cache, c->options.slot, &s->pin, bytes, ms * 1e-3, now(c) * 1e-3);
     sv_cell_cache_built(c->options.cache, level_of(f, s->ring), s->layer == SV_PANEL_GROUND, panel_work(f), ms * 1e-3);
+    f->report->built++;
     f->report->ms[SV_STAGE_CELL] = fmax(f->report->ms[SV_STAGE_CELL], 0) + ms;
     return SV_OK;
 }
@@ -307,7 +309,7 @@ static enum sv_status obtain(struct sv_cells *c, const struct frame *f, bool mus
     f->report->hits += hit;
     if (!hit && f->report->built >= f->most)
         f->report->left++;
-    else if (!hit)
+    else if (!hit && !c->full)
         status = build(c, f, &label, must, s, error);
     if (status || s->held == HELD_NOT)
         return status;
@@ -381,6 +383,7 @@ static enum sv_status obtain_all(struct sv_cells *c, struct frame *f, struct sv_
     want_all(c, f);
     if (!f->all)
         status = choose_rings(c, f, error);
+    c->full = false;
     for (int round = 0; round < (f->ahead ? 1 : 2); round++)
         for (int k = 0; k < c->seen_count && !status; k++)
             if (!c->seen[k].open)

@@ -7,7 +7,8 @@
 static inline __m256i encode(__m256 v)
 {
     v = _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), _mm256_set1_ps(1)); /* NaN: 0 */
-    __m256 root = _mm256_sqrt_ps(_mm256_sqrt_ps(v)), code = _mm256_set1_ps(sv_compose_term[SV_COMPOSE_TERMS - 1]);
+    __m256 root = _mm256_sqrt_ps(_mm256_sqrt_ps(v)),
+           code = _mm256_set1_ps(sv_compose_term[SV_COMPOSE_TERMS - 1]);
     for (int k = SV_COMPOSE_TERMS - 2; k >= 0; k--)
         code = _mm256_add_ps(_mm256_mul_ps(code, root), _mm256_set1_ps(sv_compose_term[k]));
     __m256 straight = _mm256_mul_ps(v, _mm256_set1_ps(SV_COMPOSE_SLOPE));

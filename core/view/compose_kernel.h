@@ -7,8 +7,9 @@
 
 #define SV_COMPOSE_PASS_MIN (1.0f / 255)
 
-/* The sRGB code of linear light v, without tables: 255 (1.055 v^(5/12) - 0.055) as a polynomial of v^(1/4) between the
- * curve's bend and 1 (the first terms of its Chebyshev series), off by 0.0021 of a code at most. */
+/* The sRGB code of linear light v, without tables: 255 (1.055 v^(5/12) - 0.055) as a polynomial of v^(1/4)
+ * between the curve's bend and 1 (the first terms of its Chebyshev series), off by 0.0021 of a code at most.
+ */
 #define SV_COMPOSE_BEND 0.0031308f
 #define SV_COMPOSE_SLOPE (12.92f * 255)
 enum { SV_COMPOSE_TERMS = 6 };

@@ -64,8 +64,8 @@ static enum sv_status make_canvas(struct sv_panels *p, size_t pixels, struct sv_
 }
 
 /* A room for one layer. */
-static enum sv_status make_room(struct sv_panels *p, const struct sv_panel_about *about, struct sv_panel_room **room,
-                                struct sv_error *error)
+static enum sv_status make_room(struct sv_panels *p, const struct sv_panel_about *about,
+                                struct sv_panel_room **room, struct sv_error *error)
 {
     *room = &p->rooms[about->layers & SV_PANEL_CROWNS ? 0 : 1];
     if ((*room)->size == about->size)
@@ -224,7 +224,8 @@ enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_o
     return SV_OK;
 }
 
-enum sv_status sv_panels_write(const struct sv_panels *panels, void *block, size_t bytes, struct sv_error *error)
+enum sv_status sv_panels_write(const struct sv_panels *panels, void *block, size_t bytes,
+                               struct sv_error *error)
 {
     const struct sv_panel_room *room = &panels->rooms[panels->drawn.layers & SV_PANEL_CROWNS ? 0 : 1];
     return sv_panel_write(room, &panels->drawn, block, bytes, error);

@@ -29,7 +29,8 @@ struct sv_camera sv_panels_camera(const struct sv_panels_order *order);
  */
 SV_MUST_CHECK enum sv_status sv_panels_size(struct sv_panels *panels, const struct sv_panels_order *order,
                                             int *size, struct sv_error *error);
-/* Draws it, and keeps it until the next one is drawn; *bytes: of the block that holds it. Errors of direct.h. */
+/* Draws it, and keeps it until the next one is drawn; *bytes: of the block that holds it. Errors of direct.h.
+ */
 SV_MUST_CHECK enum sv_status sv_panels_draw(struct sv_panels *panels, const struct sv_panels_order *order,
                                             size_t *bytes, struct sv_error *error);
 /* Writes the panel that was drawn last into a block of at least as many bytes. Errors of sv_panel_write. */

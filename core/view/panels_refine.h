@@ -2,9 +2,10 @@
  * samples a texel: what an idle worker does for panels in demand. The same panel as sv_panels_draw makes, of
  * polygons in place of sprites and splats.
  *
- * Measured (walkthrough --refine, 45,000 trees, one overview at 256 x 256 from panels of 512, against 64 samples of
- * the truth): mean absolute error 3.9 levels and SSIM 0.858 at 16 samples, 6.0 and 0.739 at 4, 10.6 and 0.582 at 1;
- * built panels 5.2 and 0.736, a ray cast of four samples a pixel 6.8 and 0.715. 1 to 2.5 us a sample.
+ * Measured (walkthrough --refine, 45,000 trees, one overview at 256 x 256 from panels of 512, against 64
+ * samples of the truth): mean absolute error 3.9 levels and SSIM 0.858 at 16 samples, 6.0 and 0.739 at
+ * 4, 10.6 and 0.582 at 1; built panels 5.2 and 0.736, a ray cast of four samples a pixel 6.8 and 0.715. 1
+ * to 2.5 us a sample.
  *
  * Row by row: a panel of 1024 x 1024 texels takes minutes, and who draws it must be free for a view at any
  * time. One thread. */
@@ -16,20 +17,21 @@
 
 struct sv_panels_refinement;
 
-/* Begins to draw the panel. samples: 1, 4, 16 or 64. Borrows scene and truth until it is destroyed; the order's view
- * is copied. When the scene changes, it is only to be destroyed. Errors of sv_panel_room_create and
- * sv_truth_part_create. */
-SV_MUST_CHECK enum sv_status
-sv_panels_refine_begin(const struct sv_scene *scene, const struct sv_truth *truth,
-                       const struct sv_panels_order *order, int samples,
-                       struct sv_panels_refinement **refinement, struct sv_error *error);
+/* Begins to draw the panel. samples: 1, 4, 16 or 64. Borrows scene and truth until it is destroyed; the
+ * order's view is copied. When the scene changes, it is only to be destroyed. Errors of sv_panel_room_create
+ * and sv_truth_part_create. */
+SV_MUST_CHECK enum sv_status sv_panels_refine_begin(const struct sv_scene *scene,
+                                                    const struct sv_truth *truth,
+                                                    const struct sv_panels_order *order, int samples,
+                                                    struct sv_panels_refinement **refinement,
+                                                    struct sv_error *error);
 /* Draws the next row; false when none is left, and the panel is whole. */
 bool sv_panels_refine_row(struct sv_panels_refinement *refinement);
 /* Bytes of the block that holds the whole panel. */
 size_t sv_panels_refine_measure(struct sv_panels_refinement *refinement);
 /* Writes it, measured, into a block of at least as many bytes. Errors of sv_panel_write. */
-SV_MUST_CHECK enum sv_status sv_panels_refine_write(const struct sv_panels_refinement *refinement, void *block,
-                                                    size_t bytes, struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_panels_refine_write(const struct sv_panels_refinement *refinement,
+                                                    void *block, size_t bytes, struct sv_error *error);
 /* NULL is legal. */
 void sv_panels_refine_destroy(struct sv_panels_refinement *refinement);
 

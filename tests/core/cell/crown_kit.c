@@ -206,7 +206,8 @@ static void mean_of(const struct sv_panel_layer *layer, double u, double v, doub
  * ys, q, 1) ~ (x, y, ., 1). */
 static void place_of(const struct sv_crown_source *s, double x, double y, struct crown_truth *t)
 {
-    double q = sv_panel_code(s->layer, t->texel % s->layer->size, t->texel / s->layer->size) / (double)SV_PANEL_Q_ONE;
+    double q = sv_panel_code(s->layer, t->texel % s->layer->size, t->texel / s->layer->size) /
+               (double)SV_PANEL_Q_ONE;
     double a[2][3];
     for (int r = 0; r < 2; r++) {
         double p = r == 0 ? x : y;
@@ -233,10 +234,11 @@ void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i
             struct crown_truth t;
             nearest(sources, count, i + k % (2 * reach + 1) - reach, row + k / (2 * reach + 1) - reach, &t);
             unsure |= t.unsure || (t.any && t.d != near.d && fabs(t.d - near.d) < 1e-5 * t.d);
-            if (t.any &&
-                (t.d > near.d || (t.d == near.d && (t.source < near.source ||
-                                                    (t.source == near.source && rank_of(sources[t.source].layer, t.texel) <
-                                                                       rank_of(sources[t.source].layer, near.texel))))))
+            if (t.any && (t.d > near.d ||
+                          (t.d == near.d &&
+                           (t.source < near.source ||
+                            (t.source == near.source && rank_of(sources[t.source].layer, t.texel) <
+                                                            rank_of(sources[t.source].layer, near.texel))))))
                 near = t;
         }
         *truth = near;

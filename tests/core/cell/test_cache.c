@@ -565,7 +565,8 @@ static void a_change_that_came_to_nothing_is_turned_back(void **state)
     uint64_t gone = 2;
     for (uint64_t key = 1; key <= 2; key++) {
         struct sv_cell_cache_label label = {.key = key};
-        assert_int_equal(sv_cell_cache_reserve(c, 0, &label, PAGE, false, 0, 0, &panel), SV_CELL_CACHE_GRANTED);
+        assert_int_equal(sv_cell_cache_reserve(c, 0, &label, PAGE, false, 0, 0, &panel),
+                         SV_CELL_CACHE_GRANTED);
         assert_true(sv_cell_cache_commit(c, 0, &panel, PAGE, 1, 0));
         sv_cell_cache_unpin(c, 0, &panel);
     }
@@ -652,10 +653,11 @@ static void two_mappings_are_one_cache(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(random_operations_as_the_model), cmocka_unit_test(the_least_valuable_goes_first),
-        cmocka_unit_test(a_refined_version_replaces_in_place), cmocka_unit_test(blocks_are_made_and_opened),
-        cmocka_unit_test(two_mappings_are_one_cache),
-        cmocka_unit_test(a_change_that_came_to_nothing_is_turned_back)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(random_operations_as_the_model),
+                                       cmocka_unit_test(the_least_valuable_goes_first),
+                                       cmocka_unit_test(a_refined_version_replaces_in_place),
+                                       cmocka_unit_test(blocks_are_made_and_opened),
+                                       cmocka_unit_test(two_mappings_are_one_cache),
+                                       cmocka_unit_test(a_change_that_came_to_nothing_is_turned_back)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

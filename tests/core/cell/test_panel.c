@@ -30,7 +30,8 @@ static struct sv_panel_room random_room(struct sv_rng *rng, int size, unsigned l
     struct sv_panel_room room;
     assert_int_equal(sv_panel_room_create(size, layers, &room, NULL), SV_OK);
     int first = (int)sv_rng_range(rng, 0, size), end = (int)sv_rng_range(rng, first, size + 1);
-    double x = sv_rng_range(rng, 0, size), y = sv_rng_range(rng, 0, size), r = sv_rng_range(rng, -1, 0.6 * size);
+    double x = sv_rng_range(rng, 0, size), y = sv_rng_range(rng, 0, size),
+           r = sv_rng_range(rng, -1, 0.6 * size);
     for (int k = 0; k < size * size; k++) {
         uint64_t bits = sv_rng_next(rng);
         bool shows = hypot(k % size + 0.5 - x, k / size + 0.5 - y) < r || bits >> 52 == 0;
@@ -56,6 +57,31 @@ static uint8_t *block_of(struct sv_panel_room *room, const struct sv_panel_about
     return block;
 }
 
+/* Whatever lies between the members of about, the same panel is the same bytes. */
+static void test_bytes(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(SEED, 5);
+    struct sv_panel_room room = random_room(&rng, 40, ABOUT.layers);
+    struct sv_panel_about about[2];
+    uint8_t *block[2];
+    size_t bytes;
+    for (int k = 0; k < 2; k++) {
+        memset(&about[k], k ? 0xff : 0, sizeof about[k]);
+        about[k].key = ABOUT.key;
+        about[k].place = ABOUT.place;
+        about[k].distance_m = ABOUT.distance_m;
+        about[k].face = ABOUT.face;
+        about[k].size = ABOUT.size;
+        about[k].layers = ABOUT.layers;
+        block[k] = block_of(&room, &about[k], &bytes);
+    }
+    assert_memory_equal(block[0], block[1], bytes);
+    free(block[0]);
+    free(block[1]);
+    sv_panel_room_finish(&room);
+}
+
 /* What a reader finds at every texel is what was drawn, and what it blends with it lies beside it. */
 static void check_crowns_kept(const struct sv_panel_layer *layer, const struct sv_panel_room *room)
 {
@@ -79,7 +105,8 @@ static void check_ground_kept(const struct sv_panel_ground *ground, const struct
 {
     int size = room->size, last = ground->first + ground->rows - 1;
     assert_true(ground->first >= 0 && ground->rows >= 0 && ground->first + ground->rows <= size);
-    assert_true(ground->rows == 0 || (room->ground_q[ground->first * size] > 0 && room->ground_q[last * size] > 0));
+    assert_true(ground->rows == 0 ||
+                (room->ground_q[ground->first * size] > 0 && room->ground_q[last * size] > 0));
     for (int k = 0; k < size * size; k++) {
         if (k / size < ground->first || k / size > last) {
             assert_true(room->ground_q[k] == 0);
@@ -115,6 +142,13 @@ static void check_arrays(const struct sv_panel *panel, const uint8_t *block, siz
     assert_true(end <= block + bytes);
 }
 
+static void assert_about(const struct sv_panel_about *a, const struct sv_panel_about *b)
+{
+    assert_true(a->key == b->key && a->distance_m == b->distance_m && a->face == b->face);
+    assert_true(a->size == b->size && a->layers == b->layers);
+    assert_memory_equal(&a->place, &b->place, sizeof a->place);
+}
+
 static void test_block(void **state)
 {
     (void)state;
@@ -131,7 +165,7 @@ static void test_block(void **state)
         uint8_t *block = block_of(&room, &about, &bytes);
         assert_int_equal(bytes % SV_PANEL_ALIGN, 0);
         assert_int_equal(sv_panel_open(block, bytes, &panel, NULL), SV_OK);
-        assert_memory_equal(&panel.about, &about, sizeof about);
+        assert_about(&panel.about, &about);
         assert_true((panel.crowns.size != 0) == ((about.layers & SV_PANEL_CROWNS) != 0));
         assert_true((panel.ground.size != 0) == ((about.layers & SV_PANEL_GROUND) != 0));
         check_arrays(&panel, block, bytes);
@@ -149,7 +183,8 @@ static void test_block(void **state)
     assert_true(least < full / 2); /* what is empty takes no memory */
 }
 
-/* As many tiles as there can be, all of them stored or none: numbers of slots do not overflow. SV_TEST_FULL=1: 300 MB. */
+/* As many tiles as there can be, all of them stored or none: numbers of slots do not overflow.
+ * SV_TEST_FULL=1: 300 MB. */
 static void test_largest(void **state)
 {
     (void)state;
@@ -206,7 +241,7 @@ static void test_what_is_refused(void **state)
     bad[5].distance_m = 0;
     bad[6].distance_m = NAN;
     bad[7].place.v.y = INFINITY;
-    bad[8].size = 41;                 /* not the room's */
+    bad[8].size = 41;                /* not the room's */
     bad[9].layers = SV_PANEL_CROWNS; /* nor that */
     for (int k = 0; k < 10; k++)
         assert_int_equal(sv_panel_write(&room, &bad[k], block, bytes, NULL), SV_EINVAL);
@@ -451,9 +486,13 @@ static void test_nothing_and_no_depth(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_block),           cmocka_unit_test(test_largest),
-        cmocka_unit_test(test_what_is_refused), cmocka_unit_test(test_foreign_blocks),
-        cmocka_unit_test(test_crowns),          cmocka_unit_test(test_nothing_and_no_depth),
+        cmocka_unit_test(test_block),
+        cmocka_unit_test(test_bytes),
+        cmocka_unit_test(test_largest),
+        cmocka_unit_test(test_what_is_refused),
+        cmocka_unit_test(test_foreign_blocks),
+        cmocka_unit_test(test_crowns),
+        cmocka_unit_test(test_nothing_and_no_depth),
     };
     sv_color_init();
     return cmocka_run_group_tests(tests, NULL, NULL);

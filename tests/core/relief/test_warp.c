@@ -527,8 +527,8 @@ static void draw_filled(enum sv_simd level, const struct sv_warp_source *s, stru
     sv_warp_fill(s - 3, 4, buffer, stats);
 }
 
-/* Leaving out what cannot be seen changes nothing, and leaves most of a source out that is seen from near: at all
- * angles, from behind, from within (texels behind the eye), more than one strip wide. */
+/* Leaving out what cannot be seen changes nothing, and leaves most of a source out that is seen from near: at
+ * all angles, from behind, from within (texels behind the eye), more than one strip wide. */
 static void test_parts_out_of_the_picture(void **state)
 {
     (void)state;
@@ -537,7 +537,8 @@ static void test_parts_out_of_the_picture(void **state)
     for (int k = 0; k < 90; k++) {
         struct sv_warp_source s[4];
         double angle = 0.07 * k - 3, texel_px = k % 4 ? 3 + k % 7 : 0.5;
-        s[3] = posed(shapes[k % 3], 300 + k % 2 * 25, 40 + k, angle, 0.3 * k, 0.2 * k, texel_px, 64, (uint64_t)k);
+        s[3] = posed(shapes[k % 3], 300 + k % 2 * 25, 40 + k, angle, 0.3 * k, 0.2 * k, texel_px, 64,
+                     (uint64_t)k);
         float *t = (float *)(uintptr_t)s[3].t;
         for (int n = 0; n < s[3].width * s[3].height; n++)
             t[n] = fabsf(t[n]);

@@ -102,7 +102,8 @@ static bool between(const struct sv_tree *tree, const struct sv_tree_shell *shel
 /* Cubes about places near the eye: nested or not, with none inside or none outside. */
 static struct sv_tree_shell random_shell(struct sv_rng *rng, struct sv_vec3 eye)
 {
-    struct sv_vec3 by = sv_vec3(sv_rng_range(rng, -40, 40), sv_rng_range(rng, -40, 40), sv_rng_range(rng, -40, 40));
+    struct sv_vec3 by =
+        sv_vec3(sv_rng_range(rng, -40, 40), sv_rng_range(rng, -40, 40), sv_rng_range(rng, -40, 40));
     return (struct sv_tree_shell){.inner = eye,
                                   .outer = sv_add(eye, by),
                                   .inner_m = sv_rng_unit(rng) < 0.3 ? -1 : sv_rng_range(rng, 1, 200),
@@ -135,7 +136,8 @@ static void culling_matches_brute_force(void **state)
         sv_camera_planes(&c, planes);
         struct sv_tree_shell shell = random_shell(&rng, eye);
         bool all = round % 2 == 0;
-        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, all ? NULL : &shell, &list, &error), &error);
+        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, all ? NULL : &shell, &list, &error),
+                   &error);
         uint8_t drawn[TREES] = {0};
         uint32_t seen = 0;
         for (uint32_t k = 0; k < list.count; k++)
@@ -359,7 +361,8 @@ static void eye_inside_a_crown(void **state)
                 assert_true(isfinite(view.normal[i]));
             for (int i = 0; i < view.width * view.height; i++)
                 if (!(view.depth[i] >= 0 && view.depth[i] <= 1))
-                    fail_msg("form %s, view %d: depth %g", sv_tree_form_name(forms[f]), k, (double)view.depth[i]);
+                    fail_msg("form %s, view %d: depth %g", sv_tree_form_name(forms[f]), k,
+                             (double)view.depth[i]);
             if (forms[f] != SV_TREE_FORM_COARSE && k < 3)
                 assert_true(fixture_look_at(&view).coverage > 500);
             fixture_view_finish(&view);

@@ -13,7 +13,8 @@
 #include "core/cell/cache.h"
 #include "tests/core/view/scene_kit.h"
 
-enum { ROOMY = 96 << 20, NARROW = 3 << 20 };
+/* NARROW: some 200 KB more than the index takes, less than the largest panel here. */
+enum { ROOMY = 96 << 20, NARROW = 1900 << 10 };
 
 static struct sv_scene *scene;
 static struct sv_renderer *renderer;
@@ -172,7 +173,13 @@ static void in_memory_of_its_own(void **state)
     assert_int_equal(sv_cell_cache_release(cache, 2), count);
     held_by_others = 0;
     make_cache(NARROW);
-    assert_int_equal(draw(SV_RELIEF_ON, other).built, want.built);
+    for (int calls = 0; built > 0 || calls == 0; calls++) { /* ahead, what has no room ends it */
+        assert_true(calls < 64);
+        assert_int_equal(sv_renderer_build_cells(renderer, &request, &view, 1, &built, &left, NULL), SV_OK);
+    }
+    assert_int_equal(left, 0);
+    struct sv_cell_use use = draw(SV_RELIEF_ON, other);
+    assert_true(use.built > 0 && use.built + use.hits == want.built);
     assert_memory_equal(cells, other, sizeof cells);
 }
 
