@@ -44,12 +44,13 @@ struct sv_cells {
     struct sv_panels *panels;
     struct sv_crown_buffer *crowns; /* of the last size and band */
     struct sv_warp_buffer ground;
-    int width, row_first, row_count; /* of the band with its aprons */
-    float *depth;                    /* window depth of what is opaque */
+    int width, height, row_first, row_count; /* of the band with its aprons */
+    float *depth;                            /* window depth of what is opaque */
     float *near_depth;
     uint8_t (*near)[4]; /* trees within the innermost cube */
     float (*light)[4];
-    uint8_t (*rgba)[4]; /* ground and sky */
+    uint8_t (*picture)[4]; /* ground and sky of all rows; those of the band are written */
+    uint8_t (*rgba)[4];    /* the band's of it */
     uint8_t *hidden;
     struct seen seen[SV_CELLS_PANELS_MAX];
     int seen_count;
@@ -82,13 +83,13 @@ static void free_band(struct sv_cells *c)
     free(c->near_depth);
     free(c->near);
     free(c->light);
-    free(c->rgba);
+    free(c->picture);
     free(c->hidden);
     c->crowns = NULL;
     c->depth = c->near_depth = NULL;
     c->near = NULL;
     c->light = NULL;
-    c->rgba = NULL;
+    c->picture = NULL;
     c->hidden = NULL;
     c->width = 0;
 }
@@ -107,26 +108,31 @@ void sv_cells_use_slot(struct sv_cells *cells, unsigned slot)
     cells->options.slot = slot;
 }
 
-static enum sv_status want_band(struct sv_cells *c, int width, int row_first, int row_count, struct sv_error *error)
+static enum sv_status want_band(struct sv_cells *c, const struct sv_camera *camera, int row_first,
+                                int row_count, struct sv_error *error)
 {
-    if (c->width == width && c->row_first == row_first && c->row_count == row_count)
+    int width = camera->width, height = camera->height;
+    if (c->width == width && c->height == height && c->row_first == row_first && c->row_count == row_count)
         return SV_OK;
     free_band(c);
     size_t pixels = (size_t)width * (size_t)row_count;
     enum sv_status status = sv_crown_buffer_create(width, row_first, row_count, &c->crowns, error);
     if (!status)
-        status = sv_warp_buffer_create(width, row_count, &c->ground, error);
+        status = sv_warp_buffer_create(width, height, &c->ground, error);
     if (status)
         return status;
+    sv_warp_buffer_limit(&c->ground, row_first, row_first + row_count);
     c->depth = malloc(pixels * sizeof *c->depth);
     c->near_depth = malloc(pixels * sizeof *c->near_depth);
     c->near = malloc(pixels * sizeof *c->near);
     c->light = malloc(pixels * sizeof *c->light);
-    c->rgba = malloc(pixels * sizeof *c->rgba);
+    c->picture = malloc((size_t)width * (size_t)height * sizeof *c->picture);
     c->hidden = malloc(pixels);
-    if (!c->depth || !c->near_depth || !c->near || !c->light || !c->rgba || !c->hidden)
+    if (!c->depth || !c->near_depth || !c->near || !c->light || !c->picture || !c->hidden)
         return sv_fail(error, SV_ENOMEM, "relief", "no memory for %zu pixels", pixels);
+    c->rgba = c->picture + (size_t)row_first * (size_t)width;
     c->width = width;
+    c->height = height;
     c->row_first = row_first;
     c->row_count = row_count;
     return SV_OK;
@@ -478,10 +484,12 @@ static enum sv_status draw_ground_directly(struct sv_cells *c, const struct fram
 }
 
 /* Rows of a ground panel that hold anything in view: by blocks, each the hull of its four corner directions
- * at q = 0 and its corner points at q = 1; and not above the first that is not empty. */
+ * at q = 0 and its corner points at q = 1; not above the first that is not empty, and some more on both
+ * sides: what is torn there is not cut off, and what is blended has its neighbours, whichever band is drawn.
+ */
 static void rows_in_view(const struct frame *f, const struct seen *s, int *first, int *end)
 {
-    enum { BLOCK = 16 };
+    enum { BLOCK = 16, BEYOND = 2 };
     int size = s->panel.ground.size;
     double reach = sv_panels_ground_reach(size);
     *first = size;
@@ -501,11 +509,13 @@ static void rows_in_view(const struct frame *f, const struct seen *s, int *first
         if (any)
             break;
     }
-    *first = *first > 0 && *first < *end ? *first - 1
-                                         : *first; /* its neighbours above are torn off, not cut off */
+    if (*first < *end) {
+        *first = *first > BEYOND ? *first - BEYOND : 0;
+        *end = *end + BEYOND < size ? *end + BEYOND : size;
+    }
 }
 
-/* Ground sources among what is seen; the map's rows begin with the band. */
+/* Ground sources among what is seen. */
 static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
                                struct sv_warp_source sources[SV_CELL_FACES])
 {
@@ -526,18 +536,14 @@ static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
                                       s->panel.ground.q + (size_t)first * (size_t)size,
                                       s->panel.ground.color + (size_t)first * (size_t)size,
                                       SV_PANEL_GROUND_CUT * 2 / (float)size,
-                                      {{{0}}}};
+                                      {{{0}}},
+                                      first};
         struct sv_sweep sweep = {.v = s->panel.about.place.v,
                                  .distance_m = s->panel.about.distance_m,
                                  .face = s->face,
                                  .size = size,
                                  .reach = sv_panels_ground_reach(size)};
         sv_panel_ground_map(&sweep, &f->view->camera, 0, 0, &to->map);
-        for (int a = 0; a < 4; a++) {
-            to->map.m[a][3] += first * to->map.m[a][1]; /* rows count from the first one */
-        }
-        for (int a = 0; a < 4; a++)
-            to->map.m[1][a] -= c->row_first * to->map.m[3][a]; /* so do the band's */
     }
     return count;
 }
@@ -552,7 +558,7 @@ static void warp_ground(struct sv_cells *c, const struct frame *f)
     for (unsigned k = 0; k < count; k++)
         sv_warp_splat(&sources[k], k, &c->ground, &stats);
     sv_warp_fill(sources, count, &c->ground, &stats);
-    memcpy(c->depth, c->ground.depth, pixels * sizeof *c->depth);
+    memcpy(c->depth, c->ground.depth + (size_t)c->row_first * (size_t)c->width, pixels * sizeof *c->depth);
     f->report->hole_pixels = stats.holes;
     f->report->holes_left = stats.holes_left;
 }
@@ -562,12 +568,13 @@ static void color_ground(struct sv_cells *c, const struct frame *f)
 {
     struct sv_warp_source sources[SV_CELL_FACES];
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    uint32_t *texel = c->ground.texel + (size_t)c->row_first * (size_t)c->width;
     for (size_t k = 0; k < pixels; k++)
         if (c->light[k][3] < SV_CROWN_PASS_MIN)
-            c->ground.texel[k] = SV_WARP_EMPTY;
+            texel[k] = SV_WARP_EMPTY;
     memset(c->rgba, 0, 4 * pixels);
     unsigned count = ground_sources(c, f, sources);
-    sv_warp_resolve(sources, count, &c->ground, c->rgba);
+    sv_warp_resolve(sources, count, &c->ground, c->picture);
 }
 
 /* What crowns let through: sky where no ground is, and ground that has no colour yet. */
@@ -706,7 +713,7 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
                       .most = UINT32_MAX,
                       .report = report};
     clear(report);
-    enum sv_status status = want_band(c, view->camera.width, f.row_first, f.row_end - f.row_first, error);
+    enum sv_status status = want_band(c, &view->camera, f.row_first, f.row_end - f.row_first, error);
     if (!status)
         status = choose(c, &f, error);
     double t = now(c);

@@ -171,8 +171,11 @@ static void compare_pixels(struct sv_rng *rng, const struct sv_relief *r, const 
                            const struct sv_camera *c, struct sv_warp_buffer *buffers,
                            struct position_errors *e)
 {
-    struct sv_warp_source source = {r->width, r->height, r->displ, (const uint8_t(*)[4])r->color,
-                                    r->cut,   {{{0}}}};
+    struct sv_warp_source source = {.width = r->width,
+                                    .height = r->height,
+                                    .t = r->displ,
+                                    .color = (const uint8_t(*)[4])r->color,
+                                    .cut = r->cut};
     struct sv_warp_stats stats = {0};
     struct ray_view view;
     ray_view_init(field, c, &view);
