@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "core/base/rng.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/cells_kit.h"
 
 enum { SIDE = 64 };
@@ -23,8 +24,6 @@ static struct sv_renderer *renderer;
 static struct sv_cell_cache *cache;
 static _Alignas(4096) uint8_t memory[BYTES];
 static double time_ms;
-static struct sv_store *store;
-static char folder[] = "/tmp/silvista-auto-XXXXXX";
 
 static double clock_ms(void)
 {
@@ -40,17 +39,14 @@ static int make_scene(void **state)
     scene = kit_scene(&wood);
     scene->relief_distance_m = 50;
     scene->relief_resolution = 64;
-    return mkdtemp(folder) && sv_store_open(folder, (uint64_t)1 << 30, &store, NULL) == SV_OK ? 0 : -1;
+    return 0;
 }
 
 static int free_scene(void **state)
 {
     (void)state;
-    char command[64];
-    sv_store_close(store);
     kit_free(scene);
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    return system(command);
+    return 0;
 }
 
 /* A cache of its own for each test; building is believed to cost 2.5 times what a picture saves. */
@@ -64,7 +60,7 @@ static int setup(void **state)
     memset(memory, 0, BYTES / 64);
     if (sv_cell_cache_make(memory, BYTES, &options, &cache, &error))
         fail_msg("%s", error.message);
-    struct sv_renderer_options render = {.store = store, .clock = clock_ms, .cells = cache};
+    struct sv_renderer_options render = {.store = kept_bakes(), .clock = clock_ms, .cells = cache};
     if (sv_renderer_create(scene, &render, &renderer, &error))
         fail_msg("%s", error.message);
     return 0;
