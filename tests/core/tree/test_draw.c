@@ -14,6 +14,7 @@
 #include "core/scene/id.h"
 #include "core/tree/draw_cull.h"
 #include "draw_fixture.h"
+#include "tests/core/tree/kept_bakes.h"
 
 static struct sv_gl_context *context;
 static struct sv_tree_mesh leafy, bare;
@@ -172,7 +173,7 @@ static void polygons_stand_where_the_mesh_projects(void **state)
     struct fixture_single s;
     struct sv_light light = fixture_light(120, 40);
     struct sv_tree_draw_options options = form(SV_TREE_FORM_POLYGON);
-    fixture_single_init(&s, &leafy, &lone);
+    fixture_single_init(&s, &leafy, &lone, kept_bakes());
     for (int k = 0; k < 12; k++) {
         struct sv_camera c = look_at(sv_vec3(lone.x, lone.y, lone.z + 6), 37.0 * k, -10 + 9.0 * k, 25, 300);
         struct fixture_view view;
@@ -203,7 +204,7 @@ static void the_foot_is_in_its_place(void **state)
     (void)state;
     struct fixture_single s;
     struct sv_light light = fixture_light(120, 40);
-    fixture_single_init(&s, &bare, &lone);
+    fixture_single_init(&s, &bare, &lone, kept_bakes());
     for (int f = 0; f < LIGHT_FORMS; f++)
         for (int k = 0; k < 10; k++) {
             struct sv_tree_draw_options options = form(forms[f]);
@@ -233,7 +234,7 @@ static void rotation_is_clockwise_from_above(void **state)
             struct sv_tree tree = lone;
             tree.rotation_rad = (float)(k * SV_PI / 2);
             struct fixture_single s;
-            fixture_single_init(&s, &leafy, &tree);
+            fixture_single_init(&s, &leafy, &tree, kept_bakes());
             struct sv_camera c = fixture_camera(sv_vec3(tree.x, tree.y, tree.z + 50), 0, -90, 201, 201);
             c.projection = SV_PROJECTION_ORTHOGRAPHIC;
             c.ortho_height_m = 20.1;
@@ -303,7 +304,7 @@ static void trees_behind_are_not_drawn(void **state)
     (void)state;
     struct fixture_single s;
     struct sv_light light = fixture_light(120, 40);
-    fixture_single_init(&s, &leafy, &lone);
+    fixture_single_init(&s, &leafy, &lone, kept_bakes());
     for (int f = 0; f < FORMS; f++) {
         struct sv_tree_draw_options options = form(forms[f]);
         struct sv_camera c = fixture_camera(sv_vec3(lone.x, lone.y + 30, lone.z + 6), 0, 0, 100, 100);
@@ -322,7 +323,7 @@ static void eye_inside_a_crown(void **state)
     (void)state;
     struct fixture_single s;
     struct sv_light light = fixture_light(120, 40);
-    fixture_single_init(&s, &leafy, &lone);
+    fixture_single_init(&s, &leafy, &lone, kept_bakes());
     for (int f = 0; f < FORMS; f++)
         for (int k = 0; k < 6; k++) {
             struct sv_tree_draw_options options = form(forms[f]);
@@ -334,7 +335,8 @@ static void eye_inside_a_crown(void **state)
                 assert_true(isfinite(view.normal[i]));
             for (int i = 0; i < view.width * view.height; i++)
                 if (!(view.depth[i] >= 0 && view.depth[i] <= 1))
-                    fail_msg("form %s, view %d: depth %g", sv_tree_form_name(forms[f]), k, (double)view.depth[i]);
+                    fail_msg("form %s, view %d: depth %g", sv_tree_form_name(forms[f]), k,
+                             (double)view.depth[i]);
             if (forms[f] != SV_TREE_FORM_COARSE && k < 3)
                 assert_true(fixture_look_at(&view).coverage > 500);
             fixture_view_finish(&view);
@@ -352,8 +354,9 @@ static void drawing_is_deterministic_and_leaves_no_state(void **state)
     struct sv_tree_draw *draw;
     random_trees(trees, TREES, 9);
     fixture_forest_init(&f, trees, TREES, 0.6f);
-    struct sv_tree_draw_species species[2] = {{&leafy, 1, 1}, {&bare, 2, 1}};
-    fixture_ok(sv_tree_draw_create(species, 2, &f.forest, NULL, &draw, &error), &error);
+    struct sv_tree_draw_species species[2] = {{&leafy, kept_bakes_key(&leafy), 1},
+                                              {&bare, kept_bakes_key(&bare), 1}};
+    fixture_ok(sv_tree_draw_create(species, 2, &f.forest, kept_bakes(), &draw, &error), &error);
     struct sv_camera c = fixture_camera(sv_vec3(400000, 9000000 - 300, 60), 0, -8, 200, 150);
     struct sv_light light = fixture_light(200, 30);
     struct sv_tree_draw_options options = SV_TREE_DRAW_OPTIONS_DEFAULT;
@@ -420,7 +423,7 @@ static void light_that_arrives_is_light_that_is_seen(void **state)
     struct fixture_single s;
     struct sv_light light = fixture_light(100, 2), none = light; /* a level sun: rows of light are heights */
     none.sun_rgb[0] = none.sun_rgb[1] = none.sun_rgb[2] = 0;
-    fixture_single_init(&s, &leafy, &lone);
+    fixture_single_init(&s, &leafy, &lone, kept_bakes());
     fixture_ok(sv_tree_draw_shade_create(s.draw, &shade, &error), &error);
     double h = (double)lone.height_m;
     struct sv_camera c = fixture_camera(sv_vec3(lone.x, lone.y - 3 * h, lone.z + h / 2), 0, 0, SIDE, SIDE);

@@ -1,5 +1,5 @@
-/* test_cells_pictures.c - views drawn from cells of relief panels: every tree is in one ring, pictures are near direct
- * drawing, bands are parts of the whole, and moving eyes see nothing jump. Odd places are in
+/* test_cells_pictures.c - views drawn from cells of relief panels: every tree is in one ring, pictures are
+ * near direct drawing, bands are parts of the whole, and moving eyes see nothing jump. Odd places are in
  * test_cells_places.c. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -28,7 +28,7 @@ static int setup(void **state)
 {
     (void)state;
     struct kit_options wood = cells_kit_wood(TREES);
-    cells_kit_open(&wood, CELLS_KIT_PLAIN, NULL, &kit);
+    cells_kit_open(&wood, CELLS_KIT_PLAIN, &kit);
     return 0;
 }
 
