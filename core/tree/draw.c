@@ -352,13 +352,11 @@ enum sv_status sv_tree_draw_count(struct sv_tree_draw *draw, const struct sv_cam
                                   const double planes[5][4], const struct sv_tree_shell *shell, uint32_t *count,
                                   struct sv_error *error)
 {
-    enum sv_status status = sv_cull_forest(draw->forest, draw->species, camera, planes, &draw->list, error);
-    if (status)
-        return status;
-    if (shell)
-        sv_cull_keep_shell(draw->forest, shell, &draw->list);
-    *count = draw->list.count;
-    return SV_OK;
+    enum sv_status status =
+        sv_cull_forest(draw->forest, draw->species, camera, planes, shell, &draw->list, error);
+    if (!status)
+        *count = draw->list.count;
+    return status;
 }
 
 enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
@@ -372,11 +370,9 @@ enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl
     if (options->shade)
         lights = sv_tree_shade_lights(options->shade);
     enum sv_status status = sv_cull_forest(draw->forest, draw->species, &frame->camera, frame->planes,
-                                           &draw->list, error);
+                                           options->shell, &draw->list, error);
     if (status)
         return status;
-    if (options->shell)
-        sv_cull_keep_shell(draw->forest, options->shell, &draw->list);
     own.culled_trees = draw->list.culled;
     if (sv_tree_form_on_canvas(options->form)) {
         status = draw_canvas(draw, frame, options, lights, &own, error);

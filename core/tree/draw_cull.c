@@ -69,25 +69,68 @@ uint32_t sv_cull_order_code(float v)
     return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
 }
 
-static void add_trees(const struct sv_forest *forest, const struct sv_forest_node *node,
-                      const struct sv_cull_species *species, const struct sv_camera *camera,
-                      const double planes[5][4], bool all, struct sv_cull_list *list)
+/* Chebyshev distance of a tree's axis from a centre. */
+static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
+{
+    double below = tree->z - center.z, above = center.z - (tree->z + (double)tree->height_m);
+    return fmax(fmax(fabs(tree->x - center.x), fabs(tree->y - center.y)), fmax(fmax(below, above), 0));
+}
+
+static bool in_shell(const struct sv_tree *tree, const struct sv_tree_shell *shell)
+{
+    return axis_distance_m(tree, shell->inner) > shell->inner_m &&
+           axis_distance_m(tree, shell->outer) <= shell->outer_m;
+}
+
+/* Least and largest Chebyshev distance of a box (relative to the eye) from a centre. */
+static void box_distances_m(const struct box *box, struct sv_vec3 center, struct sv_vec3 eye,
+                            double distance_m[2])
+{
+    const double to[3] = {center.x - eye.x, center.y - eye.y, center.z - eye.z};
+    distance_m[0] = distance_m[1] = 0;
+    for (int a = 0; a < 3; a++) {
+        double off = fabs(box->middle[a] - to[a]);
+        distance_m[0] = fmax(distance_m[0], off - box->half[a]);
+        distance_m[1] = fmax(distance_m[1], off + box->half[a]);
+    }
+}
+
+/* Whether trees whose boxes the box holds may be in the shell: their axes are in it. */
+static bool may_meet(const struct box *box, const struct sv_tree_shell *shell, struct sv_vec3 eye)
+{
+    double inner[2], outer[2];
+    box_distances_m(box, shell->inner, eye, inner);
+    box_distances_m(box, shell->outer, eye, outer);
+    return inner[1] > shell->inner_m && outer[0] <= shell->outer_m;
+}
+
+/* What a walk asks for. */
+struct cull {
+    const struct sv_forest *forest;
+    const struct sv_cull_species *species;
+    const struct sv_camera *camera;
+    const double (*planes)[4];
+    const struct sv_tree_shell *shell; /* NULL: all */
+};
+
+static void add_trees(const struct cull *c, const struct sv_forest_node *node, bool all,
+                      struct sv_cull_list *list)
 {
     for (uint32_t k = node->first; k < node->first + node->count; k++) {
-        const struct sv_tree *tree = &forest->trees[k];
-        struct box box = tree_box(tree, species[tree->species].radius, camera->eye);
-        if (!all && relate(&box, planes) == OUTSIDE)
+        const struct sv_tree *tree = &c->forest->trees[k];
+        struct box box = tree_box(tree, c->species[tree->species].radius, c->camera->eye);
+        if ((!all && relate(&box, c->planes) == OUTSIDE) || (c->shell && !in_shell(tree, c->shell)))
             continue;
-        uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(camera, tree));
+        uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(c->camera, tree));
         list->entries[list->count++] = (struct sv_cull_entry){key, k};
     }
 }
 
-static void walk(const struct sv_forest *forest, const struct sv_cull_species *species,
-                 const struct sv_camera *camera, const double planes[5][4], struct sv_cull_list *list)
+static void walk(const struct cull *c, struct sv_cull_list *list)
 {
-    const double origin[3] = {forest->origin.x - camera->eye.x, forest->origin.y - camera->eye.y,
-                              forest->origin.z - camera->eye.z};
+    const struct sv_forest *forest = c->forest;
+    struct sv_vec3 eye = c->camera->eye;
+    const double origin[3] = {forest->origin.x - eye.x, forest->origin.y - eye.y, forest->origin.z - eye.z};
     uint32_t stack[STACK];
     int top = 0;
     stack[top++] = 1;
@@ -97,11 +140,11 @@ static void walk(const struct sv_forest *forest, const struct sv_cull_species *s
         if (node->count == 0)
             continue;
         struct box box = node_box(node, origin);
-        enum relation relation = relate(&box, planes);
-        if (relation == OUTSIDE)
+        enum relation relation = relate(&box, c->planes);
+        if (relation == OUTSIDE || (c->shell && !may_meet(&box, c->shell, eye)))
             continue;
-        if (relation == INSIDE || k >= forest->leaf_first) {
-            add_trees(forest, node, species, camera, planes, relation == INSIDE, list);
+        if ((relation == INSIDE && !c->shell) || k >= forest->leaf_first) {
+            add_trees(c, node, relation == INSIDE, list);
             continue;
         }
         stack[top++] = 2 * k + 1; /* the first child is walked first: order of the forest */
@@ -140,8 +183,10 @@ static void sort_near_first(struct sv_cull_list *list)
 
 enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cull_species *species,
                               const struct sv_camera *camera, const double planes[5][4],
-                              struct sv_cull_list *list, struct sv_error *error)
+                              const struct sv_tree_shell *shell, struct sv_cull_list *list,
+                              struct sv_error *error)
 {
+    const struct cull cull = {forest, species, camera, planes, shell};
     if (list->room < forest->count) {
         struct sv_cull_entry *made = malloc(2 * (size_t)forest->count * sizeof *made);
         if (!made)
@@ -151,31 +196,10 @@ enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cu
     }
     list->count = 0;
     if (forest->node_count > 0)
-        walk(forest, species, camera, planes, list);
+        walk(&cull, list);
     list->culled = forest->count - list->count;
     sort_near_first(list);
     return SV_OK;
-}
-
-/* Chebyshev distance of a tree's axis from a centre. */
-static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
-{
-    double below = tree->z - center.z, above = center.z - (tree->z + (double)tree->height_m);
-    return fmax(fmax(fabs(tree->x - center.x), fabs(tree->y - center.y)), fmax(fmax(below, above), 0));
-}
-
-void sv_cull_keep_shell(const struct sv_forest *forest, const struct sv_tree_shell *shell,
-                        struct sv_cull_list *list)
-{
-    uint32_t kept = 0;
-    for (uint32_t k = 0; k < list->count; k++) {
-        const struct sv_tree *tree = &forest->trees[list->entries[k].tree];
-        if (axis_distance_m(tree, shell->inner) > shell->inner_m &&
-            axis_distance_m(tree, shell->outer) <= shell->outer_m)
-            list->entries[kept++] = list->entries[k];
-    }
-    list->culled += list->count - kept;
-    list->count = kept;
 }
 
 void sv_cull_list_finish(struct sv_cull_list *list)

@@ -26,14 +26,13 @@ struct sv_cull_list {
     uint32_t culled;
 };
 
-/* planes as sv_camera_planes gives them. SV_ENOMEM. */
+/* planes as sv_camera_planes gives them; shell: only trees whose axis, foot to top, lies in it (draw.h), for
+ * the price of what is near it; NULL: all. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_cull_forest(const struct sv_forest *forest,
                                             const struct sv_cull_species *species,
                                             const struct sv_camera *camera, const double planes[5][4],
-                                            struct sv_cull_list *list, struct sv_error *error);
-/* Keeps the entries of trees whose axis, foot to top, lies in the shell (draw.h), in their order. */
-void sv_cull_keep_shell(const struct sv_forest *forest, const struct sv_tree_shell *shell,
-                        struct sv_cull_list *list);
+                                            const struct sv_tree_shell *shell, struct sv_cull_list *list,
+                                            struct sv_error *error);
 void sv_cull_list_finish(struct sv_cull_list *list);
 
 /* Floats as unsigned integers of the same order. */

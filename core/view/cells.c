@@ -592,6 +592,14 @@ static enum sv_status shade_behind(struct sv_cells *c, const struct frame *f, st
 
 /* ---- crowns ---- */
 
+static void clear_light(struct sv_cells *c, size_t pixels)
+{
+    for (size_t k = 0; k < pixels; k++) {
+        c->light[k][0] = c->light[k][1] = c->light[k][2] = 0;
+        c->light[k][3] = 1;
+    }
+}
+
 /* Trees within the cube of the innermost ring that is drawn from panels are in front of all others: the first light.
  * Where that is the innermost of all, leaves are pixels large: one sample a pixel, softened. */
 static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, struct sv_draw_stats *stats,
@@ -609,11 +617,17 @@ static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, struc
                                .color = c->near[0]};
     struct sv_resolved_view view = *f->view;
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    bool any = false;
+    enum sv_status status = sv_direct_sees_trees(c->direct, &view, &shell, &any, error);
+    if (status || !any) {
+        clear_light(c, pixels);
+        return status;
+    }
     if (all)
         view.plan.leaf_samples = 1;
     memcpy(c->near_depth, c->depth, pixels * sizeof *c->depth);
     memset(c->near, 0, pixels * sizeof *c->near);
-    enum sv_status status = sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
+    status = sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
     return status ? status
                   : sv_soften(c->width, c->row_count, all ? SV_SOFTEN_SIDE : 0, (const uint8_t(*)[4])c->near, c->light,
                               error);

@@ -100,7 +100,7 @@ static void draw(struct stand *s, const struct sv_camera *camera, const struct f
     struct sv_canvas canvas = {camera->width, camera->height, 0, camera->height, depth, color, id, NULL, false};
     struct sv_sprite_view view = {camera, &s->light, 0, 0};
     sv_camera_planes(camera, planes);
-    if (sv_cull_forest(&s->scene->forest, s->bounds, camera, planes, &s->list, NULL))
+    if (sv_cull_forest(&s->scene->forest, s->bounds, camera, planes, NULL, &s->list, NULL))
         die("cull");
     for (uint32_t k = 0; k < s->list.count; k++)
         if (passes(filter, &s->scene->forest.trees[s->list.entries[k].tree]))

@@ -88,6 +88,12 @@ static bool outside(const struct sv_tree *tree, double radius, struct sv_vec3 ey
     return false;
 }
 
+static bool in_cube(const struct sv_tree *tree, struct sv_vec3 middle, double half_m)
+{
+    return half_m >= 0 && fabs(tree->x - middle.x) <= half_m && fabs(tree->y - middle.y) <= half_m &&
+           tree->z <= middle.z + half_m && tree->z + (double)tree->height_m >= middle.z - half_m;
+}
+
 static void culling_matches_brute_force(void **state)
 {
     (void)state;
@@ -110,15 +116,20 @@ static void culling_matches_brute_force(void **state)
             c.ortho_height_m = sv_rng_range(&rng, 5, 500);
             c.far_m = 2000;
         }
+        struct sv_tree_shell between = {eye, sv_madd(eye, sv_vec3(0.6, -0.2, 0.3), 20),
+                                        sv_rng_range(&rng, -10, 60), sv_rng_range(&rng, 60, 400)};
+        const struct sv_tree_shell *shell = round % 2 ? &between : NULL;
         double planes[5][4];
         sv_camera_planes(&c, planes);
-        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, &list, &error), &error);
+        fixture_ok(sv_cull_forest(&f.forest, species, &c, planes, shell, &list, &error), &error);
         uint8_t drawn[TREES] = {0};
         uint32_t seen = 0;
         for (uint32_t k = 0; k < list.count; k++)
             drawn[list.entries[k].tree]++;
         for (uint32_t k = 0; k < TREES; k++) {
-            bool want = !outside(&f.trees[k], (double)species[f.trees[k].species].radius, eye, planes);
+            bool want = !outside(&f.trees[k], (double)species[f.trees[k].species].radius, eye, planes) &&
+                        (!shell || (!in_cube(&f.trees[k], shell->inner, shell->inner_m) &&
+                                    in_cube(&f.trees[k], shell->outer, shell->outer_m)));
             /* A tree's box that touches a plane may fall on either side by rounding: none does with these
              * seeds. */
             assert_int_equal(drawn[k], want);

@@ -120,7 +120,7 @@ static void draw_sprites(const struct sv_camera *camera, const struct sv_light *
     for (int k = 0; k < SPECIES; k++)
         species[k] = (struct sv_cull_species){scene->species[k].mesh.radius};
     sv_camera_planes(camera, planes);
-    ok(sv_cull_forest(&scene->forest, species, camera, planes, &cull, &error), &error);
+    ok(sv_cull_forest(&scene->forest, species, camera, planes, NULL, &cull, &error), &error);
     struct sv_canvas canvas = {
         .width = SIDE, .height = SIDE, .row_count = SIDE, .depth = depth.data, .color = color->data};
     struct sv_sprite_view view = {.camera = camera, .light = light};
