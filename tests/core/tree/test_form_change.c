@@ -216,7 +216,7 @@ static void check_cover(const struct sv_tree_mesh *mesh, const char *name, doubl
     static struct place place;
     struct fixture_single s;
     double worst = 0;
-    fixture_single_init(&s, mesh, &TREE);
+    fixture_single_init(&s, mesh, &TREE, kept_bakes());
     double error_px = error_for(s.draw, 120), near_px = sv_tree_draw_near_px(s.draw, 0, error_px);
     for (int k = 1; k < 8; k++) {
         double come = k / 8.0;
