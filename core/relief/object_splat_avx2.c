@@ -296,13 +296,20 @@ static inline unsigned set_patches(const struct corners *q, __m256 needed, struc
     return bits_of(_mm256_andnot_ps(_mm256_or_ps(drawn, turned), needed));
 }
 
-/* sv_warp_place; s and r are above -1 / 128, which is cut to 0 without being asked for. */
+/* sv_warp_place; s and r are above -1 / 128, which is cut to 0 without being asked for (in_texel). */
 static inline __m256i place_of(__m256 s, __m256 r)
 {
     __m256 a = _mm256_min_ps(_mm256_mul_ps(s, splat(256)), splat(255));
     __m256 b = _mm256_min_ps(_mm256_mul_ps(r, splat(128)), splat(127));
     return _mm256_or_si256(_mm256_slli_epi32(_mm256_cvttps_epi32(a), 8),
                            _mm256_slli_epi32(_mm256_cvttps_epi32(b), 1));
+}
+
+/* Where in a texel a quarter's pixel lies. Corners of a quarter of a few units of rounding may be far from
+ * those of a parallelogram: outside of its texel then. */
+static inline __m256 in_texel(__m256 place)
+{
+    return _mm256_max_ps(place, _mm256_setzero_ps());
 }
 
 static inline __m256 more_than(__m256i count, int k)
@@ -332,8 +339,8 @@ static inline void slot(const struct patches *p, const struct quarters *quarters
     __m256 d = _mm256_add_ps(_mm256_add_ps(p->d0, _mm256_mul_ps(sd, p->ds)), _mm256_mul_ps(rd, p->dr));
     d = _mm256_min_ps(_mm256_max_ps(d, p->d_min), p->d_max);
     if (quarters) {
-        s = _mm256_add_ps(splat(0.5f), _mm256_mul_ps(s, quarters->s_scale));
-        r = _mm256_add_ps(splat(0.5f), _mm256_mul_ps(r, quarters->r_scale));
+        s = in_texel(_mm256_add_ps(splat(0.5f), _mm256_mul_ps(s, quarters->s_scale)));
+        r = in_texel(_mm256_add_ps(splat(0.5f), _mm256_mul_ps(r, quarters->r_scale)));
     }
     sv_warp_list_add(list, in, pixel, d, _mm256_or_si256(code, place_of(s, r)));
 }
@@ -481,9 +488,9 @@ void sv_relief_quad_pixels_avx2(struct sv_warp_job *job, const struct sv_relief_
             __m256 d = _mm256_add_ps(_mm256_add_ps(splat(q->d), _mm256_mul_ps(s, splat(q->ds))),
                                      _mm256_mul_ps(r, splat(q->dr)));
             d = _mm256_min_ps(_mm256_max_ps(d, splat(q->d_min)), splat(q->d_max));
-            __m256i place = place_of(_mm256_add_ps(splat(q->place_s), _mm256_mul_ps(s, splat(q->scale_s))),
-                                     _mm256_add_ps(splat(q->place_r), _mm256_mul_ps(r, splat(q->scale_r))));
-            place = _mm256_or_si256(place, _mm256_set1_epi32((int)q->full));
+            s = in_texel(_mm256_add_ps(splat(q->place_s), _mm256_mul_ps(s, splat(q->scale_s))));
+            r = in_texel(_mm256_add_ps(splat(q->place_r), _mm256_mul_ps(r, splat(q->scale_r))));
+            __m256i place = _mm256_or_si256(place_of(s, r), _mm256_set1_epi32((int)q->full));
             if (p + LANES <= size)
                 put8(job, to, p, _mm256_castps_si256(chosen), d, _mm256_castps_si256(texel), place);
             else

@@ -46,7 +46,7 @@ enum sv_status sv_warp_buffer_create(int width, int height, struct sv_warp_buffe
                        "a picture to warp into has 1 to %d px a side, not %d x %d", PICTURE_MAX, width,
                        height);
     size_t n = (size_t)width * (size_t)height;
-    struct sv_warp_buffer b = {.width = width, .height = height, .x1 = width, .y1 = height};
+    struct sv_warp_buffer b = {.width = width, .height = height, .end = height, .x1 = width, .y1 = height};
     b.depth = malloc(n * sizeof *b.depth);
     b.texel = malloc(n * sizeof *b.texel);
     b.place = calloc(n, sizeof *b.place);
@@ -58,6 +58,13 @@ enum sv_status sv_warp_buffer_create(int width, int height, struct sv_warp_buffe
     sv_warp_clear(&b);
     *buffer = b;
     return SV_OK;
+}
+
+void sv_warp_buffer_limit(struct sv_warp_buffer *buffer, int first, int end)
+{
+    sv_warp_clear(buffer);
+    buffer->first = first;
+    buffer->end = end;
 }
 
 void sv_warp_buffer_finish(struct sv_warp_buffer *buffer)
@@ -92,8 +99,10 @@ void sv_warp_clear(struct sv_warp_buffer *buffer)
 void sv_warp_touch(struct sv_warp_buffer *buffer, int x0, int y0, int x1, int y1)
 {
     buffer->x0 = x0 < buffer->x0 ? x0 : buffer->x0;
-    buffer->y0 = y0 < buffer->y0 ? y0 : buffer->y0;
     buffer->x1 = x1 > buffer->x1 ? x1 : buffer->x1;
+    y0 = y0 > buffer->first ? y0 : buffer->first;
+    y1 = y1 < buffer->end ? y1 : buffer->end;
+    buffer->y0 = y0 < buffer->y0 ? y0 : buffer->y0;
     buffer->y1 = y1 > buffer->y1 ? y1 : buffer->y1;
 }
 
@@ -167,7 +176,7 @@ static bool quarter_step(const struct sv_warp_source *source, const struct quart
     double tu = 2 * q->h * ((1 - b) * (q->t[0][1] - q->t[0][0]) + b * (q->t[1][1] - q->t[1][0]));
     for (int k = 0; k < 4; k++) {
         const double *m = source->map.m[k];
-        w[k] = m[0] * *u + m[1] * *v + m[2] * t + m[3];
+        w[k] = m[0] * *u + m[1] * (source->row0 + *v) + m[2] * t + m[3];
         wu[k] = m[0] + m[2] * tu;
         wv[k] = m[1] + m[2] * tv;
     }

@@ -42,6 +42,7 @@ struct sv_warp_source {
     const uint8_t (*color)[4]; /* what is seen, sRGB, straight: albedo or lit; alpha >= 128: solid */
     float cut;                 /* neighbours whose t differ by more are torn apart */
     struct sv_warp_map map;
+    int row0; /* number of the first row, as the map counts them: of a part of a relief */
     float t_most; /* above 0: every t is in 0 .. t_most, so that parts out of the picture are left out unseen */
 };
 
@@ -54,6 +55,7 @@ enum { SV_WARP_SOURCES_MAX = 32, SV_WARP_TEXEL_BITS = 26 };
 
 struct sv_warp_buffer {
     int width, height;  /* px */
+    int first, end;     /* rows that are drawn, byte for byte as when all are; others stay empty */
     float *depth;       /* width * height, reversed window depth; 0: nothing */
     uint32_t *texel;    /* width * height; SV_WARP_EMPTY: nothing */
     uint16_t *place;    /* where in or beside that texel the pixel's centre lies (sv_warp_locate reads it) */
@@ -70,6 +72,8 @@ struct sv_warp_stats {
 
 SV_MUST_CHECK enum sv_status sv_warp_buffer_create(int width, int height, struct sv_warp_buffer *buffer,
                                                    struct sv_error *error);
+/* Only rows first .. end - 1 from now on, within 0 .. height. Clears. */
+void sv_warp_buffer_limit(struct sv_warp_buffer *buffer, int first, int end);
 void sv_warp_buffer_finish(struct sv_warp_buffer *buffer);
 /* Empties what was written (only that). */
 void sv_warp_clear(struct sv_warp_buffer *buffer);

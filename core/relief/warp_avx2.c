@@ -147,8 +147,11 @@ static inline __m256 boxes(const struct sv_warp_row *up, const struct sv_warp_ro
     q->ny = pixel_range(y0, y1, buffer->height, &q->j0);
     q->box = _mm256_mul_ps(_mm256_sub_ps(x1, x0), _mm256_sub_ps(y1, y0));
     __m256i zero = _mm256_setzero_si256();
+    __m256i shown = _mm256_and_si256(_mm256_cmpgt_epi32(q->nx, zero), _mm256_cmpgt_epi32(q->ny, zero));
+    __m256i end = _mm256_add_epi32(q->j0, q->ny);
+    shown = _mm256_and_si256(shown, _mm256_cmpgt_epi32(_mm256_set1_epi32(buffer->end), q->j0));
     return _mm256_castsi256_ps(
-        _mm256_and_si256(_mm256_cmpgt_epi32(q->nx, zero), _mm256_cmpgt_epi32(q->ny, zero)));
+        _mm256_and_si256(shown, _mm256_cmpgt_epi32(end, _mm256_set1_epi32(buffer->first))));
 }
 
 static inline __m256 cross(__m256 ax, __m256 by, __m256 ay, __m256 bx) /* ax by - ay bx */
@@ -228,8 +231,18 @@ static inline __m256 offset_of(__m256i first, __m256 from)
     return _mm256_sub_ps(_mm256_add_ps(_mm256_cvtepi32_ps(first), _mm256_set1_ps(0.5f)), from);
 }
 
-static inline void quads_draw(const struct quads *q, __m256 fast, int c, int width, struct sv_warp_list *list)
+/* Those of them whose row is drawn. */
+static inline __m256 in_band(const struct sv_warp_buffer *buffer, __m256i row, __m256 mask)
 {
+    __m256i above = _mm256_cmpgt_epi32(_mm256_set1_epi32(buffer->first), row);
+    __m256i within = _mm256_andnot_si256(above, _mm256_cmpgt_epi32(_mm256_set1_epi32(buffer->end), row));
+    return _mm256_and_ps(mask, _mm256_castsi256_ps(within));
+}
+
+static inline void quads_draw(const struct quads *q, __m256 fast, int c, const struct sv_warp_buffer *buffer,
+                              struct sv_warp_list *list)
+{
+    const int width = buffer->width;
     const __m256i lane = _mm256_setr_epi32(1, 0x10001, 0x20001, 0x30001, 0x40001, 0x50001, 0x60001, 0x70001);
     __m256i column = _mm256_add_epi32(_mm256_set1_epi32(c << 16), lane);
     __m256i first = _mm256_add_epi32(_mm256_mullo_epi32(q->j0, _mm256_set1_epi32(width)), q->i0);
@@ -239,6 +252,7 @@ static inline void quads_draw(const struct quads *q, __m256 fast, int c, int wid
         __m256 mask = _mm256_and_ps(fast, more_than(q->ny, ky));
         if (_mm256_movemask_ps(mask) == 0)
             return;
+        mask = in_band(buffer, _mm256_add_epi32(q->j0, _mm256_set1_epi32(ky)), mask);
         __m256 dy = _mm256_add_ps(dy0, _mm256_set1_ps((float)ky));
         __m256 sy = _mm256_mul_ps(dy, q->sy), ry = _mm256_mul_ps(dy, q->ry);
         slot(q, mask, _mm256_sub_ps(sx0, sy), _mm256_sub_ps(ry, rx0), first, column, list);
@@ -280,7 +294,7 @@ static int cells(struct sv_warp_job *job, const struct sv_warp_row *up, const st
         if (_mm256_movemask_ps(shown)) {
             __m256 fast = _mm256_and_ps(shown, quads_set(up, lo, c, &q));
             left = (unsigned)_mm256_movemask_ps(_mm256_andnot_ps(fast, shown));
-            quads_draw(&q, fast, c, job->buffer->width, &list);
+            quads_draw(&q, fast, c, job->buffer, &list);
             if (list.count >= SV_WARP_LIST)
                 sv_warp_list_put(&list, job, NULL);
         }

@@ -96,7 +96,7 @@ int64_t sv_warp_triangle(const struct sv_warp_buffer *buffer, const struct sv_wa
 {
     double y_min = min3(c[0].y, c[1].y, c[2].y), y_max = max3(c[0].y, c[1].y, c[2].y);
     double x_min = min3(c[0].x, c[1].x, c[2].x), x_max = max3(c[0].x, c[1].x, c[2].x);
-    double j0 = most(ceil(y_min - 0.5), 0), j1 = least(floor(y_max - 0.5), buffer->height - 1);
+    double j0 = most(ceil(y_min - 0.5), buffer->first), j1 = least(floor(y_max - 0.5), buffer->end - 1);
     if (!(j0 <= j1) || !(most(x_min, 0) <= least(x_max, buffer->width)))
         return 0;
     struct edge edges[3] = {edge_of(&c[0], &c[1]), edge_of(&c[1], &c[2]), edge_of(&c[2], &c[0])};
@@ -198,7 +198,8 @@ static bool corner_at(const struct cell *cell, double s, double r, double t, str
     double h[4];
     for (int k = 0; k < 4; k++) {
         const double *m = cell->job->source->map.m[k];
-        h[k] = m[0] * (cell->column + 0.5 + s) + m[1] * (cell->row + 0.5 + r) + m[2] * t + m[3];
+        h[k] = m[0] * (cell->column + 0.5 + s) + m[1] * (cell->job->source->row0 + cell->row + 0.5 + r) +
+               m[2] * t + m[3];
     }
     double inverse = 1 / h[3];
     *corner = (struct sv_warp_corner){
@@ -257,7 +258,7 @@ static void cell_corners(struct cell *cell)
                             corner_of_edge(cell, k, 1) && corner_of_middle(cell, k);
 }
 
-/* Whether the box of four corners holds a pixel centre. */
+/* Whether the box of four corners holds a pixel centre that is drawn. */
 static bool box_shows(const struct sv_warp_buffer *buffer, const struct sv_warp_corner c[4], int box[4])
 {
     double x0 = least(min3(c[0].x, c[1].x, c[2].x), c[3].x), x1 = most(max3(c[0].x, c[1].x, c[2].x), c[3].x);
@@ -271,7 +272,7 @@ static bool box_shows(const struct sv_warp_buffer *buffer, const struct sv_warp_
     box[1] = (int)j0;
     box[2] = (int)i1 + 1;
     box[3] = (int)j1 + 1;
-    return true;
+    return box[1] < buffer->end && box[3] > buffer->first;
 }
 
 /* The patch as a parallelogram, when it is small and nearly one: as the kernels draw fast cells, with an edge
@@ -292,7 +293,8 @@ static bool patch_small(const struct sv_warp_corner c[4], const int box[4], stru
     double d_min = least(min3(c[0].d, c[1].d, c[2].d), c[3].d);
     double d_max = most(max3(c[0].d, c[1].d, c[2].d), c[3].d), d1 = c[1].d - c[0].d, d2 = c[3].d - c[0].d;
     struct sv_warp_pixels to = sv_warp_pixels_of(piece->buffer);
-    for (int j = box[1]; j < box[3]; j++)
+    int first = box[1] > piece->buffer->first ? box[1] : piece->buffer->first;
+    for (int j = first; j < box[3] && j < piece->buffer->end; j++)
         for (int i = box[0]; i < box[2]; i++) {
             double x = i + 0.5 - c[0].x, y = j + 0.5 - c[0].y, a = x * ax + y * ay, b = x * bx + y * by;
             if (!(a >= -a_edge && a <= a_max && b >= -b_edge && b <= b_max))

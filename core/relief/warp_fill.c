@@ -174,7 +174,8 @@ static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer 
         for (int k = 0; k < 4; k++)
             outline_add(&outline, &side[k]);
         for (int k = 0; k < outline.n; k++)
-            walked += 1 + row_claim(&wall, buffer, outline.j0 + k, outline.lo[k], outline.hi[k]);
+            if (outline.j0 + k >= buffer->first && outline.j0 + k < buffer->end)
+                walked += 1 + row_claim(&wall, buffer, outline.j0 + k, outline.lo[k], outline.hi[k]);
     }
     *lost += wall.lost;
     return walked;
@@ -184,7 +185,7 @@ static int64_t wall_walk(const struct sv_warp_tear *tear, struct sv_warp_buffer 
 static float texel_depth(const struct sv_warp_source *source, uint32_t texel)
 {
     uint32_t index = texel & SV_WARP_TEXEL_MASK, width = (uint32_t)source->width;
-    double u = index % width + 0.5, v = index / width + 0.5, t = source->t[index];
+    double u = index % width + 0.5, v = source->row0 + (index / width + 0.5), t = source->t[index];
     const double *d = source->map.m[2], *w = source->map.m[3];
     double depth = (d[0] * u + d[1] * v + d[2] * t + d[3]) / (w[0] * u + w[1] * v + w[2] * t + w[3]);
     return depth > 0 ? depth < 1 ? (float)depth : 1 : 0;

@@ -185,7 +185,8 @@ void sv_warp_resolve_depth(const struct sv_warp_source *sources, const struct sv
                 continue;
             const struct sv_warp_source *s = &sources[k];
             double u = (double)(n.texel[0] % (uint32_t)s->width) + 0.5 + (double)(n.weight[1] + n.weight[3]);
-            double v = (double)(n.texel[0] / (uint32_t)s->width) + 0.5 + (double)(n.weight[2] + n.weight[3]);
+            double v = s->row0 + (double)(n.texel[0] / (uint32_t)s->width) + 0.5 +
+                       (double)(n.weight[2] + n.weight[3]);
             double t = 0;
             for (int c = 0; c < 4; c++)
                 t += (double)n.weight[c] * s->t[n.texel[c]];

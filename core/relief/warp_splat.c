@@ -73,7 +73,7 @@ static bool quad_box(const struct sv_warp_row *up, const struct sv_warp_row *lo,
     q->nx = pixel_range(x0, x1, buffer->width, &q->i0);
     q->ny = pixel_range(y0, y1, buffer->height, &q->j0);
     q->box = (x1 - x0) * (y1 - y0);
-    return q->nx > 0 && q->ny > 0;
+    return q->nx > 0 && q->ny > 0 && q->j0 < buffer->end && q->j0 + q->ny > buffer->first;
 }
 
 /* Sets up cell c; false when it must be drawn exactly. */
@@ -106,6 +106,8 @@ static uint32_t quad_draw(const struct quad *q, uint32_t tag, const struct sv_wa
     uint32_t pixels = 0;
     float dx0 = ((float)q->i0 + 0.5f) - q->x0, dy0 = ((float)q->j0 + 0.5f) - q->y0;
     for (int ky = 0; ky < q->ny; ky++) {
+        if (q->j0 + ky < buffer->first || q->j0 + ky >= buffer->end)
+            continue;
         float dy = dy0 + (float)ky, sy = dy * q->sy, ry = dy * q->ry;
         size_t p = (size_t)(q->j0 + ky) * (size_t)buffer->width + (size_t)q->i0;
         for (int kx = 0; kx < q->nx; kx++) {
@@ -179,7 +181,7 @@ static uint32_t load_row(const struct sv_warp_kernel *kernel, const struct sv_wa
     set_nothing(row, end, n + 8);
     for (int k = 0; k < 4; k++) {
         const double *m = source->map.m[k];
-        line.base[k] = (float)(m[0] * (first + 0.5) + m[1] * (j + 0.5) + m[3]);
+        line.base[k] = (float)(m[0] * (first + 0.5) + m[1] * (source->row0 + j + 0.5) + m[3]);
         line.du[k] = (float)m[0];
         line.dt[k] = (float)m[2];
     }
@@ -239,12 +241,13 @@ struct walk {
     struct sv_warp_stats *stats;
 };
 
-/* Linear functions of (u, v, t, 1) that are not negative within the picture's sides, and w. */
+/* Linear functions of (u, v, t, 1) that are not negative within the sides of what is drawn, and w. */
 static void sides_set(struct walk *walk)
 {
     const double(*m)[4] = walk->job.source->map.m;
-    const double at[4] = {-PART_REACH_PX, walk->job.buffer->width + PART_REACH_PX, -PART_REACH_PX,
-                          walk->job.buffer->height + PART_REACH_PX};
+    const struct sv_warp_buffer *buffer = walk->job.buffer;
+    const double at[4] = {-PART_REACH_PX, buffer->width + PART_REACH_PX, buffer->first - PART_REACH_PX,
+                          buffer->end + PART_REACH_PX};
     for (int c = 0; c < 4; c++) {
         for (int k = 0; k < 4; k++)
             walk->sides[k][c] = (m[k / 2][c] - at[k] * m[3][c]) * (k & 1 ? -1 : 1);
@@ -256,6 +259,7 @@ static void sides_set(struct walk *walk)
  * only where all of them are outside of one side. */
 static bool part_shows(const struct walk *walk, int column, int columns, int row, int rows)
 {
+    row += walk->job.source->row0;
     double u0 = column - 0.5, u1 = column + columns + 0.5, v0 = row - 0.5, v1 = row + rows + 0.5;
     double t_most = (double)walk->job.source->t_most;
     for (int k = 0; k < SIDES; k++) {

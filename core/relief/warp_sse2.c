@@ -130,7 +130,10 @@ static inline __m128 boxes(const struct sv_warp_row *up, const struct sv_warp_ro
     q->ny = pixel_range(y0, y1, buffer->height, &q->j0);
     q->box = _mm_mul_ps(_mm_sub_ps(x1, x0), _mm_sub_ps(y1, y0));
     __m128i zero = _mm_setzero_si128();
-    return _mm_castsi128_ps(_mm_and_si128(_mm_cmpgt_epi32(q->nx, zero), _mm_cmpgt_epi32(q->ny, zero)));
+    __m128i shown = _mm_and_si128(_mm_cmpgt_epi32(q->nx, zero), _mm_cmpgt_epi32(q->ny, zero));
+    __m128i end = _mm_add_epi32(q->j0, q->ny);
+    shown = _mm_and_si128(shown, _mm_cmpgt_epi32(_mm_set1_epi32(buffer->end), q->j0));
+    return _mm_castsi128_ps(_mm_and_si128(shown, _mm_cmpgt_epi32(end, _mm_set1_epi32(buffer->first))));
 }
 
 static inline __m128 cross(__m128 ax, __m128 by, __m128 ay, __m128 bx) /* ax by - ay bx */
@@ -219,6 +222,14 @@ static inline __m128 offset_of(__m128i first, __m128 from)
     return _mm_sub_ps(_mm_add_ps(_mm_cvtepi32_ps(first), _mm_set1_ps(0.5f)), from);
 }
 
+/* Those of them whose row is drawn. */
+static inline __m128 in_band(const struct sv_warp_buffer *buffer, __m128i row, __m128 mask)
+{
+    __m128i above = _mm_cmpgt_epi32(_mm_set1_epi32(buffer->first), row);
+    __m128i within = _mm_andnot_si128(above, _mm_cmpgt_epi32(_mm_set1_epi32(buffer->end), row));
+    return _mm_and_ps(mask, _mm_castsi128_ps(within));
+}
+
 static inline uint32_t quads_draw(const struct quads *q, __m128 fast, uint32_t tag,
                                   const struct sv_warp_buffer *buffer)
 {
@@ -229,6 +240,7 @@ static inline uint32_t quads_draw(const struct quads *q, __m128 fast, uint32_t t
         __m128 rows = _mm_and_ps(fast, more_than(q->ny, ky));
         if (_mm_movemask_ps(rows) == 0)
             break;
+        rows = in_band(buffer, _mm_add_epi32(q->j0, _mm_set1_epi32(ky)), rows);
         __m128 dy = _mm_add_ps(dy0, _mm_set1_ps((float)ky));
         for (int kx = 0; kx < SV_WARP_SMALL; kx++) {
             __m128 mask = _mm_and_ps(rows, more_than(q->nx, kx));

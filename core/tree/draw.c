@@ -352,11 +352,11 @@ enum sv_status sv_tree_draw_count(struct sv_tree_draw *draw, const struct sv_cam
                                   const double planes[5][4], const struct sv_tree_shell *shell, uint32_t *count,
                                   struct sv_error *error)
 {
-    enum sv_status status = sv_cull_forest(draw->forest, draw->species, camera, planes, shell, &draw->list, error);
-    if (status)
-        return status;
-    *count = draw->list.count;
-    return SV_OK;
+    enum sv_status status =
+        sv_cull_forest(draw->forest, draw->species, camera, planes, shell, &draw->list, error);
+    if (!status)
+        *count = draw->list.count;
+    return status;
 }
 
 enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,

@@ -69,15 +69,6 @@ uint32_t sv_cull_order_code(float v)
     return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
 }
 
-/* What a view is asked for. */
-struct look {
-    const struct sv_forest *forest;
-    const struct sv_cull_species *species;
-    const struct sv_camera *camera;
-    const double (*planes)[4];
-    const struct sv_tree_shell *shell; /* NULL: all trees */
-};
-
 /* Chebyshev distance of a tree's axis from a centre. */
 static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
 {
@@ -85,47 +76,61 @@ static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
     return fmax(fmax(fabs(tree->x - center.x), fabs(tree->y - center.y)), fmax(fmax(below, above), 0));
 }
 
-static bool in_shell(const struct sv_tree_shell *shell, const struct sv_tree *tree)
+static bool in_shell(const struct sv_tree *tree, const struct sv_tree_shell *shell)
 {
     return axis_distance_m(tree, shell->inner) > shell->inner_m &&
            axis_distance_m(tree, shell->outer) <= shell->outer_m;
 }
 
-/* Whether some axis in the box, relative to the eye, may lie in the shell; by more than rounding may do. */
-static bool meets_shell(const struct look *look, const struct box *box)
+/* Least and largest Chebyshev distance of a box (relative to the eye) from a centre. */
+static void box_distances_m(const struct box *box, struct sv_vec3 center, struct sv_vec3 eye,
+                            double distance_m[2])
 {
-    const struct sv_tree_shell *shell = look->shell;
-    const double rounding_m = 1e-3;
-    double nearest = 0, farthest = 0;
-    struct sv_vec3 in = sv_sub(shell->inner, look->camera->eye),
-                   out = sv_sub(shell->outer, look->camera->eye);
-    const double inner[3] = {in.x, in.y, in.z}, outer[3] = {out.x, out.y, out.z};
+    const double to[3] = {center.x - eye.x, center.y - eye.y, center.z - eye.z};
+    distance_m[0] = distance_m[1] = 0;
     for (int a = 0; a < 3; a++) {
-        nearest = fmax(nearest, fabs(box->middle[a] - outer[a]) - box->half[a]);
-        farthest = fmax(farthest, fabs(box->middle[a] - inner[a]) + box->half[a]);
+        double off = fabs(box->middle[a] - to[a]);
+        distance_m[0] = fmax(distance_m[0], off - box->half[a]);
+        distance_m[1] = fmax(distance_m[1], off + box->half[a]);
     }
-    return nearest <= shell->outer_m + rounding_m && farthest > shell->inner_m - rounding_m;
 }
 
-/* all: none of them is out of view. */
-static void add_trees(const struct look *look, const struct sv_forest_node *node, bool all,
+/* Whether trees whose boxes the box holds may be in the shell: their axes are in it. */
+static bool may_meet(const struct box *box, const struct sv_tree_shell *shell, struct sv_vec3 eye)
+{
+    double inner[2], outer[2];
+    box_distances_m(box, shell->inner, eye, inner);
+    box_distances_m(box, shell->outer, eye, outer);
+    return inner[1] > shell->inner_m && outer[0] <= shell->outer_m;
+}
+
+/* What a walk asks for. */
+struct cull {
+    const struct sv_forest *forest;
+    const struct sv_cull_species *species;
+    const struct sv_camera *camera;
+    const double (*planes)[4];
+    const struct sv_tree_shell *shell; /* NULL: all */
+};
+
+static void add_trees(const struct cull *c, const struct sv_forest_node *node, bool all,
                       struct sv_cull_list *list)
 {
     for (uint32_t k = node->first; k < node->first + node->count; k++) {
-        const struct sv_tree *tree = &look->forest->trees[k];
-        struct box box = tree_box(tree, look->species[tree->species].radius, look->camera->eye);
-        if ((look->shell && !in_shell(look->shell, tree)) || (!all && relate(&box, look->planes) == OUTSIDE))
+        const struct sv_tree *tree = &c->forest->trees[k];
+        struct box box = tree_box(tree, c->species[tree->species].radius, c->camera->eye);
+        if ((!all && relate(&box, c->planes) == OUTSIDE) || (c->shell && !in_shell(tree, c->shell)))
             continue;
-        uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(look->camera, tree));
+        uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(c->camera, tree));
         list->entries[list->count++] = (struct sv_cull_entry){key, k};
     }
 }
 
-static void walk(const struct look *look, struct sv_cull_list *list)
+static void walk(const struct cull *c, struct sv_cull_list *list)
 {
-    const struct sv_forest *forest = look->forest;
-    struct sv_vec3 from = sv_sub(forest->origin, look->camera->eye);
-    const double origin[3] = {from.x, from.y, from.z};
+    const struct sv_forest *forest = c->forest;
+    struct sv_vec3 eye = c->camera->eye;
+    const double origin[3] = {forest->origin.x - eye.x, forest->origin.y - eye.y, forest->origin.z - eye.z};
     uint32_t stack[STACK];
     int top = 0;
     stack[top++] = 1;
@@ -135,11 +140,11 @@ static void walk(const struct look *look, struct sv_cull_list *list)
         if (node->count == 0)
             continue;
         struct box box = node_box(node, origin);
-        enum relation relation = relate(&box, look->planes);
-        if (relation == OUTSIDE || (look->shell && !meets_shell(look, &box)))
+        enum relation relation = relate(&box, c->planes);
+        if (relation == OUTSIDE || (c->shell && !may_meet(&box, c->shell, eye)))
             continue;
-        if ((relation == INSIDE && !look->shell) || k >= forest->leaf_first) {
-            add_trees(look, node, relation == INSIDE, list);
+        if ((relation == INSIDE && !c->shell) || k >= forest->leaf_first) {
+            add_trees(c, node, relation == INSIDE, list);
             continue;
         }
         stack[top++] = 2 * k + 1; /* the first child is walked first: order of the forest */
@@ -181,7 +186,7 @@ enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cu
                               const struct sv_tree_shell *shell, struct sv_cull_list *list,
                               struct sv_error *error)
 {
-    const struct look look = {forest, species, camera, planes, shell};
+    const struct cull cull = {forest, species, camera, planes, shell};
     if (list->room < forest->count) {
         struct sv_cull_entry *made = malloc(2 * (size_t)forest->count * sizeof *made);
         if (!made)
@@ -191,7 +196,7 @@ enum sv_status sv_cull_forest(const struct sv_forest *forest, const struct sv_cu
     }
     list->count = 0;
     if (forest->node_count > 0)
-        walk(&look, list);
+        walk(&cull, list);
     list->culled = forest->count - list->count;
     sort_near_first(list);
     return SV_OK;

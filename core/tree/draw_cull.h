@@ -1,7 +1,7 @@
 /* draw_cull.h - which trees a view can see, nearest first. No GL.
  *
- * The forest's hierarchy of boxes against the view's five planes and a shell, then each tree's own box. A
- * function of the view and the forest alone. Private to core/tree. */
+ * The forest's hierarchy of boxes against the view's five planes, then each tree's own box. A function of the
+ * view and the forest alone. Private to core/tree. */
 #ifndef SV_TREE_DRAW_CULL_H
 #define SV_TREE_DRAW_CULL_H
 
@@ -26,8 +26,8 @@ struct sv_cull_list {
     uint32_t culled;
 };
 
-/* planes as sv_camera_planes gives them; shell (NULL: all): trees whose axis, foot to top, lies in it
- * (draw.h). SV_ENOMEM. */
+/* planes as sv_camera_planes gives them; shell: only trees whose axis, foot to top, lies in it (draw.h), for
+ * the price of what is near it; NULL: all. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_cull_forest(const struct sv_forest *forest,
                                             const struct sv_cull_species *species,
                                             const struct sv_camera *camera, const double planes[5][4],

@@ -252,14 +252,13 @@ static inline void raster_span(struct sv_leaf_job *job, const struct planes *p, 
     for (; x < end; x += LANES) {
         __m256i column = _mm256_add_epi32(_mm256_set1_epi32(x), lane);
         __m256i there = _mm256_cmpgt_epi32(_mm256_set1_epi32(end), column);
-        __m256 fx = _mm256_cvtepi32_ps(column);
-        __m256 s = at(&p->s, fx, fy), r = at(&p->r, fx, fy), q = at(&p->q, fx, fy), d = at(&p->d, fx, fy);
-        __m256 mask = _mm256_and_ps(_mm256_castsi256_ps(there), inside(s, r, q, card));
-        mask = _mm256_and_ps(mask, depth_legal(d));
-        if (!bits_of(mask))
-            continue;
+        __m256 fx = _mm256_cvtepi32_ps(column), d = at(&p->d, fx, fy);
         __m256 held = _mm256_maskload_ps(job->depth + pixel + x, there);
-        unsigned bits = bits_of(_mm256_and_ps(mask, in_order(held, d)));
+        __m256 mask = _mm256_and_ps(_mm256_castsi256_ps(there), in_order(held, d));
+        if (!bits_of(mask)) /* most of a crown: spans hold little that is not inside */
+            continue;
+        __m256 s = at(&p->s, fx, fy), r = at(&p->r, fx, fy), q = at(&p->q, fx, fy);
+        unsigned bits = bits_of(_mm256_and_ps(mask, _mm256_and_ps(inside(s, r, q, card), depth_legal(d))));
         if (bits)
             hit(&job->hits, bits, _mm256_add_epi32(_mm256_set1_epi32(pixel), column), piece, d, s, r);
         if (job->hits.count >= SV_LEAF_HITS)

@@ -44,12 +44,13 @@ struct sv_cells {
     struct sv_panels *panels;
     struct sv_crown_buffer *crowns; /* of the last size and band */
     struct sv_warp_buffer ground;
-    int width, row_first, row_count; /* of the band with its aprons */
-    float *depth;                    /* window depth of what is opaque */
+    int width, height, row_first, row_count; /* of the band with its aprons */
+    float *depth;                            /* window depth of what is opaque */
     float *near_depth;
     uint8_t (*near)[4]; /* trees within the innermost cube */
     float (*light)[4];
-    uint8_t (*rgba)[4]; /* ground and sky */
+    uint8_t (*picture)[4]; /* ground and sky of all rows; those of the band are written */
+    uint8_t (*rgba)[4];    /* the band's of it */
     uint8_t *hidden;
     struct seen seen[SV_CELLS_PANELS_MAX];
     int seen_count;
@@ -83,13 +84,13 @@ static void free_band(struct sv_cells *c)
     free(c->near_depth);
     free(c->near);
     free(c->light);
-    free(c->rgba);
+    free(c->picture);
     free(c->hidden);
     c->crowns = NULL;
     c->depth = c->near_depth = NULL;
     c->near = NULL;
     c->light = NULL;
-    c->rgba = NULL;
+    c->picture = NULL;
     c->hidden = NULL;
     c->width = 0;
 }
@@ -108,26 +109,31 @@ void sv_cells_use_slot(struct sv_cells *cells, unsigned slot)
     cells->options.slot = slot;
 }
 
-static enum sv_status want_band(struct sv_cells *c, int width, int row_first, int row_count, struct sv_error *error)
+static enum sv_status want_band(struct sv_cells *c, const struct sv_camera *camera, int row_first,
+                                int row_count, struct sv_error *error)
 {
-    if (c->width == width && c->row_first == row_first && c->row_count == row_count)
+    int width = camera->width, height = camera->height;
+    if (c->width == width && c->height == height && c->row_first == row_first && c->row_count == row_count)
         return SV_OK;
     free_band(c);
     size_t pixels = (size_t)width * (size_t)row_count;
     enum sv_status status = sv_crown_buffer_create(width, row_first, row_count, &c->crowns, error);
     if (!status)
-        status = sv_warp_buffer_create(width, row_count, &c->ground, error);
+        status = sv_warp_buffer_create(width, height, &c->ground, error);
     if (status)
         return status;
+    sv_warp_buffer_limit(&c->ground, row_first, row_first + row_count);
     c->depth = malloc(pixels * sizeof *c->depth);
     c->near_depth = malloc(pixels * sizeof *c->near_depth);
     c->near = malloc(pixels * sizeof *c->near);
     c->light = malloc(pixels * sizeof *c->light);
-    c->rgba = malloc(pixels * sizeof *c->rgba);
+    c->picture = malloc((size_t)width * (size_t)height * sizeof *c->picture);
     c->hidden = malloc(pixels);
-    if (!c->depth || !c->near_depth || !c->near || !c->light || !c->rgba || !c->hidden)
+    if (!c->depth || !c->near_depth || !c->near || !c->light || !c->picture || !c->hidden)
         return sv_fail(error, SV_ENOMEM, "relief", "no memory for %zu pixels", pixels);
+    c->rgba = c->picture + (size_t)row_first * (size_t)width;
     c->width = width;
+    c->height = height;
     c->row_first = row_first;
     c->row_count = row_count;
     return SV_OK;
@@ -482,7 +488,7 @@ static enum sv_status draw_ground_directly(struct sv_cells *c, const struct fram
     return status;
 }
 
-/* Ground sources among what is seen; the map's rows begin with the band. No ground is before its cube's faces. */
+/* Ground sources among what is seen. No ground is before its cube's faces. */
 static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
                                struct sv_warp_source sources[SV_CELL_FACES])
 {
@@ -498,6 +504,7 @@ static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
                                       .t = ground->q,
                                       .color = ground->color,
                                       .cut = SV_PANEL_GROUND_CUT * 2 / (float)ground->size,
+                                      .row0 = ground->first,
                                       .t_most = 1};
         struct sv_sweep sweep = {.v = s->panel.about.place.v,
                                  .distance_m = s->panel.about.distance_m,
@@ -505,11 +512,6 @@ static unsigned ground_sources(const struct sv_cells *c, const struct frame *f,
                                  .size = ground->size,
                                  .reach = sv_panels_ground_reach(ground->size)};
         sv_panel_ground_map(&sweep, &f->view->camera, 0, 0, &to->map);
-        for (int a = 0; a < 4; a++) {
-            to->map.m[a][3] += ground->first * to->map.m[a][1]; /* rows count from the first one */
-        }
-        for (int a = 0; a < 4; a++)
-            to->map.m[1][a] -= c->row_first * to->map.m[3][a]; /* so do the band's */
     }
     return count;
 }
@@ -524,7 +526,7 @@ static void warp_ground(struct sv_cells *c, const struct frame *f)
     for (unsigned k = 0; k < count; k++)
         sv_warp_splat(&sources[k], k, &c->ground, &stats);
     sv_warp_fill(sources, count, &c->ground, &stats);
-    memcpy(c->depth, c->ground.depth, pixels * sizeof *c->depth);
+    memcpy(c->depth, c->ground.depth + (size_t)c->row_first * (size_t)c->width, pixels * sizeof *c->depth);
     f->report->hole_pixels = stats.holes;
     f->report->holes_left = stats.holes_left;
 }
@@ -535,12 +537,12 @@ static void color_ground(struct sv_cells *c, const struct frame *f)
     struct sv_warp_source sources[SV_CELL_FACES];
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
     const float(*light)[4] = (const float(*)[4])c->light;
-    uint32_t *texel = c->ground.texel;
+    uint32_t *texel = c->ground.texel + (size_t)c->row_first * (size_t)c->width;
     for (size_t k = 0; k < pixels; k++)
         texel[k] |= light[k][3] < SV_CROWN_PASS_MIN ? SV_WARP_EMPTY : 0;
     memset(c->rgba, 0, 4 * pixels);
     unsigned count = ground_sources(c, f, sources);
-    sv_warp_resolve(sources, count, &c->ground, c->rgba);
+    sv_warp_resolve(sources, count, &c->ground, c->picture);
 }
 
 /* What crowns let through: sky where no ground is, and ground that has no colour yet. */
@@ -561,6 +563,14 @@ static enum sv_status shade_behind(struct sv_cells *c, const struct frame *f, st
 
 /* ---- crowns ---- */
 
+static void clear_light(struct sv_cells *c, size_t pixels)
+{
+    for (size_t k = 0; k < pixels; k++) {
+        c->light[k][0] = c->light[k][1] = c->light[k][2] = 0;
+        c->light[k][3] = 1;
+    }
+}
+
 /* Trees within the cube of the innermost ring that is drawn from panels are in front of all others: the first light.
  * Where that is the innermost of all, leaves are pixels large: one sample a pixel, softened. */
 static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, struct sv_draw_stats *stats,
@@ -578,11 +588,17 @@ static enum sv_status draw_near(struct sv_cells *c, const struct frame *f, struc
                                .color = c->near[0]};
     struct sv_resolved_view view = *f->view;
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    bool any = false;
+    enum sv_status status = sv_direct_sees_trees(c->direct, &view, &shell, &any, error);
+    if (status || !any) {
+        clear_light(c, pixels);
+        return status;
+    }
     if (all)
         view.plan.leaf_samples = 1;
     memcpy(c->near_depth, c->depth, pixels * sizeof *c->depth);
     memset(c->near, 0, pixels * sizeof *c->near);
-    enum sv_status status = sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
+    status = sv_direct_draw_trees(c->direct, &view, &shell, &canvas, stats, error);
     return status ? status
                   : sv_soften(c->width, c->row_count, all ? SV_SOFTEN_SIDE : 0, (const uint8_t(*)[4])c->near, c->light,
                               error);
@@ -682,7 +698,7 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
                       .most = UINT32_MAX,
                       .report = report};
     clear(report);
-    enum sv_status status = want_band(c, view->camera.width, f.row_first, f.row_end - f.row_first, error);
+    enum sv_status status = want_band(c, &view->camera, f.row_first, f.row_end - f.row_first, error);
     if (!status)
         status = choose(c, &f, error);
     double t = now(c);

@@ -5,8 +5,9 @@
  * (crown_warp.h) and composed front to back, so that rings show through one another's gaps. Ground is opaque:
  * one set of panels about a reference point whose cube touches neither ground nor object, warped as sheets
  * (core/relief/warp.h); where no cube is free (eyes close to the ground) it is drawn directly. What hides
- * what between trees and ground is decided pixel by pixel by depth. Trees within the innermost cube are drawn
- * directly, over all.
+ * what between trees and ground is decided pixel by pixel by depth. Trees within the innermost cube are in
+ * front of all rings: they are drawn directly, of one sample a pixel, softened (soften.h) and taken as the
+ * first light; what they hide is neither warped nor shaded.
  *
  * Panels are built when a view needs them and kept in a cache (core/cell/cache.h) that processes may share.
  * Paper 1, section 5; design.md section 6. One thread. */

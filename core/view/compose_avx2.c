@@ -26,8 +26,10 @@ static inline void two(const float (*light)[4], const uint8_t (*behind)[4], uint
         return;
     }
     __m256i codes = _mm256_cvtepu8_epi32(bytes);
-    __m256 under = _mm256_i32gather_ps(sv_linear_from_srgb8, codes, 4);
     __m256 closed = _mm256_cmp_ps(pass, _mm256_set1_ps(SV_COMPOSE_PASS_MIN), _CMP_LT_OQ);
+    __m256 under = _mm256_setzero_ps();
+    if (_mm256_movemask_ps(closed) != 255)
+        under = _mm256_i32gather_ps(sv_linear_from_srgb8, codes, 4);
     __m256 each = _mm256_blendv_ps(one, _mm256_div_ps(one, _mm256_sub_ps(one, pass)), closed);
     pass = _mm256_andnot_ps(closed, pass);
     __m256 rgb = _mm256_add_ps(_mm256_mul_ps(each, v), _mm256_mul_ps(pass, under));

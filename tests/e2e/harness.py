@@ -4,7 +4,9 @@ Which programs: environment E2E_DAEMON and E2E_SCENE_PROGRAM (silvista-scene, or
 nothing). Moments are chosen by hook files (server/scene/hooks.h), never by sleeping: `until` waits for what is to be
 seen, and fails after a time that no healthy run needs.
 """
+import atexit
 import contextlib
+import functools
 import http.client
 import json
 import os
@@ -20,6 +22,8 @@ import unittest
 
 DAEMON = os.environ["E2E_DAEMON"]
 PROGRAM = os.environ["E2E_SCENE_PROGRAM"]
+FAKE = os.path.basename(PROGRAM).startswith("fake")
+FULL = os.environ.get("SV_TEST_FULL") == "1"
 PATIENCE_S = float(os.environ.get("E2E_PATIENCE_S", "60"))
 # The sanitizer keeps freed memory back, 256 MiB of it by default, which would hide whether ours grows.
 SANITIZER = {"ASAN_OPTIONS": "quarantine_size_mb=8"} if os.environ.get("E2E_SANITIZED") == "1" else {}
@@ -28,6 +32,10 @@ SCENE = {
     "terrain": {"procedural": {"size_m": 400, "samples": 65, "relief_m": 10, "seed": 1}},
 }
 TOKEN = "a token for tests"
+
+
+# What the daemon does whatever draws: with fake-scene, which starts ten times as fast, and with --full.
+daemon_alone = unittest.skipUnless(FAKE or FULL, "the daemon alone: with fake-scene")
 
 
 def until(condition, what):
@@ -67,6 +75,17 @@ def environment():
     """Ours without settings of the daemon's, and with hooks allowed."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith("SILVISTA_")}
     return dict(kept, SILVISTA_TEST_HOOKS="1", **SANITIZER)
+
+
+@functools.cache
+def bakes():
+    """A folder for cache_dir of tests that do not ask what is built when: a tree is baked once for all that use it. The one
+    that SILVISTA_CACHE_DIR names, or one of this run."""
+    folder = os.environ.get("SILVISTA_CACHE_DIR")
+    if not folder:
+        folder = tempfile.mkdtemp(prefix="silvista-e2e-bakes-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 class Answer:
@@ -251,13 +270,34 @@ def read_all(s):
         data += more
 
 
+def end(daemon):
+    """Kills the daemon; checks that none of its processes is left behind."""
+    with contextlib.suppress(OSError):
+        family = daemon.family()
+        daemon.close()
+        until(lambda: not any(alive(p) for p in family), "no orphans")
+
+
 class Case(unittest.TestCase):
-    """Starts one daemon a test; checks that none is left behind."""
+    """Starts daemons: one a test, or one for all tests of the class that leave it as it was."""
 
     settings = {}
+    shared = None
+
+    @classmethod
+    def tearDownClass(cls):
+        if cls.shared:
+            end(cls.shared)
 
     def setUp(self):
         self.daemons = []
+
+    def share(self):
+        """The daemon of the class's tests that only ask: what has been counted before is not theirs alone."""
+        cls = type(self)
+        if not cls.shared:
+            cls.shared = Daemon(**self.settings)
+        return cls.shared
 
     def start(self, **settings):
         daemon = Daemon(**{**self.settings, **settings})
@@ -265,10 +305,9 @@ class Case(unittest.TestCase):
         return daemon
 
     def tearDown(self):
-        for daemon in self.daemons:
-            if self._outcome and not self._outcome.success:
+        failed = self._outcome and not self._outcome.success
+        for daemon in self.daemons + ([self.shared] if failed and self.shared else []):
+            if failed:
                 print(daemon.log_text()[-6000:])
-            with contextlib.suppress(OSError):
-                family = daemon.family()
-                daemon.close()
-                until(lambda f=family: not any(alive(p) for p in f), "no orphans")
+        for daemon in self.daemons:
+            end(daemon)

@@ -4,14 +4,12 @@ import json
 import math
 import os
 import re
-import shutil
 import signal
 import struct
-import tempfile
 import unittest
 import zlib
 
-from harness import TOKEN, Case, until
+from harness import TOKEN, Case, bakes, until
 
 ADMIN = {"Authorization": "Bearer " + TOKEN, "Content-Type": "application/json"}
 SCENE = {
@@ -72,21 +70,9 @@ def mean_difference(a, b):
     return sum(abs(p - q) for p, q in flat) / len(flat)
 
 
-def setUpModule():
-    global folder
-    folder = tempfile.mkdtemp(prefix="silvista-e2e-cells-")  # the species is grown once
-
-
-def tearDownModule():
-    shutil.rmtree(folder, ignore_errors=True)
-
-
 class Warm(Case):
     # No pictures are remembered: what panels do is what is looked at.
-    settings = {"scene": SCENE, "picture_cache_mb": 0}
-
-    def start(self, **settings):
-        return super().start(cache_dir=folder, **settings)
+    settings = {"scene": SCENE, "picture_cache_mb": 0, "cache_dir": bakes()}
 
 
 class Cells(Warm):

@@ -5,7 +5,7 @@ import subprocess
 import time
 import unittest
 
-from harness import DAEMON, PROGRAM, SCENE, Case, alive, environment, until, view_target
+from harness import DAEMON, PROGRAM, SCENE, Case, alive, daemon_alone, environment, until, view_target
 
 
 class Workers(Case):
@@ -35,6 +35,7 @@ class Workers(Case):
         self.assertEqual(d.view(64).status, 200)
         until(lambda: d.metric("workers") == 2, "both workers replaced")
 
+    @daemon_alone
     def test_deadline_is_504_and_kills_the_worker(self):
         d = self.start()
         d.hook("hold", "79")
@@ -47,6 +48,7 @@ class Workers(Case):
         d.unhook("hold")
         self.assertEqual(d.view(79).status, 200)
 
+    @daemon_alone
     def test_prefer_wait_sets_the_deadline(self):
         d = self.start(deadline_max_ms=400, deadline_ms=200)
         d.hook("hold", "79")
@@ -66,6 +68,7 @@ class Workers(Case):
         self.assertEqual(d.metric("workers_died_total"), 0)
 
 
+@daemon_alone
 class Queue(Case):
     settings = {"workers": 1, "queue_limit": 2}
 
@@ -205,6 +208,7 @@ class Scene(Case):
         self.assertEqual(d.view(64).status, 200)
         self.assertEqual(d.reload().status, 200)
 
+    @daemon_alone
     def test_reload_needs_the_token(self):
         d = self.start()
         for token in ["", "Bearer ", "Bearer wrong", "Basic x", "Bearer a token for test", "Bearer a token for tests2"]:
@@ -233,6 +237,7 @@ class Ends(Case):
         self.assertEqual(d.process.wait(60), 1)
         self.assertIn('"field":"bogus"', d.log_text())
 
+    @daemon_alone
     def test_restart_right_after_kill(self):
         d = self.start()
         port, family = d.port, until(lambda: len(d.family()) == 3 and d.family(), "three processes")
@@ -268,6 +273,7 @@ class Ends(Case):
         self.assertEqual(d.process.wait(60), 0)
         until(lambda: not any(alive(p) for p in family), "no orphan")
 
+    @daemon_alone
     def test_drain_ends_at_its_time(self):
         d = self.start(drain_ms=200)
         d.hook("hold", "77")

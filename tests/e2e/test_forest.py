@@ -3,7 +3,7 @@ import json
 import os
 import unittest
 
-from harness import Case, until
+from harness import Case, bakes, until
 
 CLOUD_FORMS = ["billboard", "indirect", "density", "density_paper"]
 FORMS = ["polygon", "coarse", "leaf"] + CLOUD_FORMS
@@ -79,7 +79,7 @@ class Memory(Case):
     """A worker takes less than 500 MB with 45,000 trees, shared parts included, whatever it has drawn (of one species
     here; five of 39,000 leaves: README)."""
 
-    settings = {"scene": scene(45000, 1000), "deadline_ms": 300000}
+    settings = {"scene": scene(45000, 1000), "deadline_ms": 300000, "cache_dir": bakes()}
 
     def test_a_worker_of_45000_trees(self):
         d = self.start(workers=1)

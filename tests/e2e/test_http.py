@@ -10,7 +10,7 @@ import tempfile
 import time
 import unittest
 
-from harness import PATIENCE_S, Case, read_all, until, view_target
+from harness import PATIENCE_S, Case, daemon_alone, read_all, until, view_target
 
 EVERYWHERE = ["Server-Timing", "X-Request-Id", "traceparent", "Access-Control-Allow-Origin", "Timing-Allow-Origin"]
 
@@ -27,7 +27,7 @@ def head(data):
 
 class Answers(Case):
     def test_every_answer_carries_the_common_headers(self):
-        d = self.start()
+        d = self.share()
         etag = d.view(64).headers["ETag"]
         for method, target, headers, body, status in [
             ("GET", "/livez", {}, None, 200),
@@ -64,7 +64,7 @@ class Answers(Case):
                     answer.problem()
 
     def test_view_over_post_is_the_same_view(self):
-        d = self.start()
+        d = self.share()
         got = d.view(64)
         body = {"x": 100, "y": 100, "agl": 10, "width": 64, "height": 64, "format": "png"}
         posted = d.request("POST", "/v1/view", json.dumps(body), {"Content-Type": "application/json; charset=utf-8"})
@@ -87,7 +87,7 @@ class Answers(Case):
         self.assertEqual(other.metric("views_drawn_total"), 0)
 
     def test_head_is_get_without_a_body(self):
-        d = self.start()
+        d = self.share()
         asked = d.request("HEAD", view_target())
         got = d.view(64)
         self.assertEqual((asked.status, asked.body), (200, b""))
@@ -102,18 +102,18 @@ class Answers(Case):
         self.assertEqual(d.metric("views_drawn_total"), 1)
 
     def test_eye_under_ground_tells_the_height(self):
-        d = self.start()
+        d = self.share()
         document = d.get("/v1/view?x=100&y=100&z=-500").problem()
         self.assertEqual(document["type"], "urn:silvista:problem:eye-under-ground")
         self.assertIsInstance(document["ground_z_m"], (int, float))
 
     def test_all_bad_fields_at_once(self):
-        d = self.start()
+        d = self.share()
         errors = d.get("/v1/view?x=1&y=nan&vfov=0&width=5&nonsense=1").problem()["errors"]
         self.assertTrue({"y", "vfov", "width", "nonsense"} <= {e["field"] for e in errors}, errors)
 
     def test_preflight(self):
-        d = self.start()
+        d = self.share()
         answer = d.request("OPTIONS", "/v1/view", headers={"Origin": "http://x", "Access-Control-Request-Method": "POST"})
         self.assertEqual(answer.headers["Allow"], "GET, HEAD, POST, OPTIONS")
         self.assertIn("POST", answer.headers["Access-Control-Allow-Methods"])
@@ -122,7 +122,7 @@ class Answers(Case):
         self.assertEqual(d.request("DELETE", "/livez").headers["Allow"], "GET, HEAD, OPTIONS")
 
     def test_ids_are_honoured(self):
-        d = self.start()
+        d = self.share()
         trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
         answer = d.get("/livez", X_Request_Id="mine-1", traceparent=trace)
         self.assertEqual(answer.headers["X-Request-Id"], "mine-1")
@@ -144,7 +144,7 @@ class Framing(Case):
     settings = {"accept_deadline_ms": 2000, "request_read_deadline_ms": 2000}
 
     def test_refused_framing(self):
-        d = self.start()
+        d = self.share()
         start = b"POST /v1/view HTTP/1.1\r\n"
         for name, data, status in [
             ("both lengths", start + b"Host: x\r\nContent-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n", 400),
@@ -170,7 +170,7 @@ class Framing(Case):
 
     def test_what_the_library_answers_by_itself(self):
         """libmicrohttpd's own plain answers, or a close without one: nothing of ours runs."""
-        d = self.start()
+        d = self.share()
         for name, data, statuses in [
             ("huge target", b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\nHost: x\r\n\r\n", {414, 431, None}),
             ("huge field", b"GET /livez HTTP/1.1\r\nHost: x\r\nA: " + b"a" * 100000 + b"\r\n\r\n", {431, None}),
@@ -190,7 +190,7 @@ class Framing(Case):
         self.assertEqual(d.get("/livez").status, 200)
 
     def test_accepted_framing(self):
-        d = self.start()
+        d = self.share()
         body = b'{"x":100,"y":100,"agl":10,"width":32,"height":32,"format":"png"}'
         chunks = b"".join(b"%x\r\n%c\r\n" % (1, c) for c in body) + b"0\r\n\r\n"
         for name, data, status in [
@@ -205,7 +205,7 @@ class Framing(Case):
                 self.assertEqual(head(d.raw(data))[0], status)
 
     def test_pipelined_requests_are_answered_in_order(self):
-        d = self.start()
+        d = self.share()
         one = ("GET %s HTTP/1.1\r\nHost: x\r\nX-Request-Id: %%d\r\n\r\n" % view_target(40)).encode()
         with d.connect() as s:
             s.sendall(b"".join(one % i for i in range(5)))
@@ -216,7 +216,7 @@ class Framing(Case):
                          sorted(data.find(b"X-Request-Id: %d\r" % i) for i in range(5)))
 
     def test_continue_is_said(self):
-        d = self.start()
+        d = self.share()
         body = b'{"x":100,"y":100,"agl":10,"width":32,"height":32,"format":"png"}'
         with d.connect() as s:
             s.sendall(b"POST /v1/view HTTP/1.1\r\nHost: x\r\nExpect: 100-continue\r\nConnection: close\r\n"
@@ -226,6 +226,7 @@ class Framing(Case):
             self.assertEqual(head(read_all(s))[0], 200)
 
 
+@daemon_alone
 class Slow(Case):
     settings = {"accept_deadline_ms": 300, "request_read_deadline_ms": 300, "send_deadline_ms": 300}
 
@@ -272,6 +273,7 @@ class Slow(Case):
 
 
 class Limits(Case):
+    @daemon_alone
     def test_connections_of_one_address(self):
         d = self.start(connections_per_address=4)
         kept = []
@@ -286,6 +288,7 @@ class Limits(Case):
             s.close()
         until(lambda: b"200 OK" in d.raw(b"GET /livez HTTP/1.0\r\n\r\n"), "room again")
 
+    @daemon_alone
     def test_connections_in_all_wait_to_be_accepted(self):
         d = self.start(connections=3)
         with d.connect() as a, d.connect() as b, d.connect() as c:
@@ -315,6 +318,7 @@ class Limits(Case):
         self.assertEqual(d.metric("views_drawn_total"), 3)
 
 
+@daemon_alone
 class Tls(Case):
     @unittest.skipUnless(shutil.which("openssl"), "skipped: no openssl to make a certificate with")
     def test_views_over_tls(self):

@@ -4,9 +4,8 @@ import os
 import signal
 import unittest
 
-from harness import TOKEN, Case, until
+from harness import FAKE, TOKEN, Case, bakes, until
 
-FAKE = os.path.basename(os.environ["E2E_SCENE_PROGRAM"]).startswith("fake")
 WOOD = {
     "name": "wood",
     "terrain": {"procedural": {"size_m": 300, "samples": 33, "relief_m": 8, "seed": 1}},
@@ -27,20 +26,20 @@ class Rules(Case):
     """Whatever draws."""
 
     def test_needs_the_token(self):
-        d = self.start()
+        d = self.share()
         for token in ["", "Bearer wrong", "Basic x"]:
             self.assertEqual(patch(d, {"sun": {"azimuth_deg": 1}}, token).status, 401, token)
         none = self.start(admin_token="")
         self.assertEqual(patch(none, {"sun": {"azimuth_deg": 1}}).status, 403)
 
     def test_needs_a_json_body(self):
-        d = self.start()
+        d = self.share()
         self.assertEqual(patch(d, "x", **{"Content-Type": "text/plain"}).status, 415)
         self.assertEqual(patch(d, " " * 100000).status, 413)
         self.assertEqual(patch(d, "{").status, 400)
 
     def test_a_refused_patch_changes_nothing(self):
-        d = self.start()
+        d = self.share()
         before = d.get("/v1/scene").body
         pid = d.scene_pid()
         self.assertEqual(patch(d, "[]").status, 400)
@@ -93,8 +92,10 @@ class Deaths(Case):
 
 @unittest.skipIf(FAKE, "the fake backend draws nothing")
 class Pictures(Case):
+    settings = {"scene": WOOD, "cache_dir": bakes()}
+
     def test_a_tree_comes_and_goes(self):
-        d = self.start(scene=WOOD)
+        d = self.start()
         bare = d.get(VIEW)
         answer = patch(d, {"trees": {"add": [TREE]}})
         self.assertEqual(answer.status, 200, answer.body)
@@ -117,7 +118,7 @@ class Pictures(Case):
         self.assertTrue(d.get(shade).body != shaded.body)
 
     def test_every_bad_field_is_named(self):
-        d = self.start(scene=WOOD)
+        d = self.start()
         answer = patch(d, {
             "sun": {"azimuth_deg": 999},
             "trees": {"add": [{"x": 1, "species": "elm", "height_m": -1}], "remove": {"ids": [1]}},
@@ -134,7 +135,7 @@ class Pictures(Case):
         self.assertEqual(fields, ["trees.add[0]", "trees.add[2]", "trees.remove.ids[0]"])
 
     def test_the_sun_is_as_loaded(self):
-        d = self.start(scene=WOOD)
+        d = self.start()
         self.assertEqual(patch(d, {"sun": {"azimuth_deg": 250, "elevation_deg": 20}}).status, 200)
         patched = d.get(VIEW).body
         d.write_scene(dict(WOOD, sun={"azimuth_deg": 250, "elevation_deg": 20}))

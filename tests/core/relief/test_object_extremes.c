@@ -7,6 +7,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,6 +17,7 @@
 #include "core/gl/context.h"
 #include "core/relief/build.h"
 #include "core/relief/object.h"
+#include "core/relief/object_splat_kernel.h"
 #include "core/relief/object_sun.h"
 #include "tests/core/relief/extremes_kit.h"
 
@@ -341,6 +343,82 @@ static void extreme_inputs(void **state)
     }
 }
 
+/* ---- quarters of cells, as small as float can tell corners apart ---- */
+
+/* Quarter k about the middle of some pixel, of edges of a few units of rounding: its corners, which are
+ * rounded each by itself, may lie far from those of a parallelogram. */
+static struct sv_relief_corners tiny_quarter(struct sv_rng *rng, int k, int side)
+{
+    struct sv_relief_corners q = {.texel = extremes_pick(rng, 1000)};
+    float from[2], e[2][2], det, size;
+    do {
+        for (int i = 0; i < 2; i++) {
+            from[i] = (float)extremes_pick(rng, (uint32_t)side) + 0.5f;
+            float half = 0.5f * (nextafterf(from[i], INFINITY) - from[i]);
+            from[i] += half * (float)((int)extremes_pick(rng, 13) - 6);
+            e[0][i] = half * (float)((int)extremes_pick(rng, 11) - 5);
+            e[1][i] = half * (float)((int)extremes_pick(rng, 11) - 5);
+        }
+        det = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+        size = fabsf(e[0][0]) + fabsf(e[0][1]) + fabsf(e[1][0]) + fabsf(e[1][1]);
+    } while (!((k == 1 || k == 2 ? -det : det) > size * size * SV_RELIEF_EDGE_ON));
+    for (int c = 0; c < 4; c++) {
+        q.x[c] = from[0] + (c & 1 ? e[0][0] : 0) + (c >> 1 ? e[1][0] : 0);
+        q.y[c] = from[1] + (c & 1 ? e[0][1] : 0) + (c >> 1 ? e[1][1] : 0);
+        q.d[c] = (float)sv_rng_unit(rng);
+    }
+    return q;
+}
+
+static void same_buffers(const struct sv_warp_buffer *a, const struct sv_warp_buffer *b)
+{
+    size_t n = (size_t)a->width * (size_t)a->height;
+    assert_memory_equal(a->depth, b->depth, n * sizeof *a->depth);
+    assert_memory_equal(a->texel, b->texel, n * sizeof *a->texel);
+    for (size_t p = 0; p < n; p++)
+        assert_true(a->texel[p] == SV_WARP_EMPTY || a->place[p] == b->place[p]);
+}
+
+/* Alone, eight at a time (what lies about them in memory is not read) and by pixels of a row: the same
+ * pixels. */
+static void tiny_quarters_agree(void **state)
+{
+    (void)state;
+    enum { ROUNDS = 2000, SIDE = 24 };
+    struct sv_rng rng = sv_rng_seeded(EXTREMES_SEED + 200, 0);
+    uint32_t pixels = 0;
+    if (sv_simd_level() < SV_SIMD_AVX2)
+        skip();
+    for (int round = 0; round < ROUNDS; round++) {
+        static struct sv_relief_waiting waiting;
+        struct sv_warp_buffer buffer[3];
+        struct sv_warp_job job[3];
+        for (int way = 0; way < 3; way++) {
+            assert_int_equal(sv_warp_buffer_create(SIDE, SIDE, &buffer[way], NULL), SV_OK);
+            job[way] = (struct sv_warp_job){.buffer = &buffer[way]};
+        }
+        waiting.count = 1 + (int)extremes_pick(&rng, SV_RELIEF_WAITING);
+        for (int n = 0; n < waiting.count; n++) {
+            int k = (int)extremes_pick(&rng, 4);
+            struct sv_relief_corners q = tiny_quarter(&rng, k, SIDE);
+            for (int c = 0; c < 4; c++)
+                waiting.x[c][n] = q.x[c], waiting.y[c][n] = q.y[c], waiting.d[c][n] = q.d[c];
+            waiting.texel[n] = q.texel;
+            waiting.needed[n] = (uint32_t)k;
+            sv_relief_draw_quarter(&job[0], &q, k, false);
+            sv_relief_draw_quarter(&job[1], &q, k, true);
+        }
+        sv_relief_draw_quarters_avx2(&job[2], &waiting, waiting.count);
+        pixels += job[0].pixels;
+        for (int way = 1; way < 3; way++)
+            same_buffers(&buffer[0], &buffer[way]);
+        for (int way = 0; way < 3; way++)
+            sv_warp_buffer_finish(&buffer[way]);
+    }
+    printf("tiny quarters: the same bits, %u pixels\n", pixels);
+    assert_true(pixels > ROUNDS);
+}
+
 /* ---- lighting towards its singular places ---- */
 
 typedef long double real;
@@ -511,9 +589,8 @@ static void error_towards_the_viewer(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(extreme_inputs),
-        cmocka_unit_test(error_towards_the_cliff),
-        cmocka_unit_test(error_towards_grazing_light),
+        cmocka_unit_test(tiny_quarters_agree),      cmocka_unit_test(extreme_inputs),
+        cmocka_unit_test(error_towards_the_cliff),  cmocka_unit_test(error_towards_grazing_light),
         cmocka_unit_test(error_towards_the_viewer),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -516,6 +516,96 @@ static void test_order_does_not_matter(void **state)
     sv_warp_buffer_finish(&b);
 }
 
+static void draw_all(enum sv_simd level, const struct sv_warp_source *s, struct sv_warp_buffer *buffer,
+                     uint8_t (*rgba)[4])
+{
+    struct sv_warp_stats stats = {0};
+    memset(rgba, 0, (size_t)buffer->width * (size_t)buffer->height * 4);
+    sv_warp_clear(buffer);
+    sv_warp_splat_at(level, s, 0, buffer, &stats);
+    sv_warp_fill(s, 1, buffer, &stats);
+    sv_warp_resolve_at(level, s, 1, buffer, rgba);
+}
+
+/* Rows first .. end - 1 are those of the whole, others empty. */
+static void assert_band(const struct sv_warp_buffer *whole, uint8_t (*const whole_rgba)[4],
+                        const struct sv_warp_buffer *band, uint8_t (*const rgba)[4], int first, int end)
+{
+    size_t p = (size_t)first * (size_t)band->width, n = (size_t)(end - first) * (size_t)band->width;
+    assert_memory_equal(whole->depth + p, band->depth + p, n * sizeof *band->depth);
+    assert_memory_equal(whole->texel + p, band->texel + p, n * sizeof *band->texel);
+    assert_memory_equal(whole_rgba + p, rgba + p, 4 * n);
+    for (size_t k = 0; k < (size_t)band->width * (size_t)band->height; k++)
+        assert_true((k >= p && k < p + n) || band->texel[k] == SV_WARP_EMPTY);
+}
+
+/* Bit for bit, cut anywhere, small cells and large, at every level; and of a part of the rows of a source
+ * that has all that the band shows. */
+static void test_bands(void **state)
+{
+    (void)state;
+    enum { SIDE = 96, ROUNDS = 24 };
+    static uint8_t whole_rgba[SIDE * SIDE][4], rgba[SIDE * SIDE][4];
+    struct sv_warp_buffer whole, band;
+    uint64_t seed = 11;
+    assert_int_equal(sv_warp_buffer_create(SIDE, SIDE, &whole, NULL), SV_OK);
+    assert_int_equal(sv_warp_buffer_create(SIDE, SIDE, &band, NULL), SV_OK);
+    for (int round = 0; round < ROUNDS; round++) {
+        struct sv_warp_source s =
+            posed((enum scene_shape)(round % 4), 70, 60, scene_uniform(&seed, 0, 1.2),
+                  scene_uniform(&seed, -3, 3), scene_uniform(&seed, -1, 1),
+                  round % 3 == 0 ? 9 : scene_uniform(&seed, 0.5, 4), SIDE, (uint64_t)round);
+        for (int level = 0; level < level_count(); level++) {
+            int first = 0, end;
+            draw_all((enum sv_simd)level, &s, &whole, whole_rgba);
+            for (; first < SIDE; first = end) {
+                end = first + 1 + (int)scene_uniform(&seed, 0, 40);
+                end = end < SIDE ? end : SIDE;
+                sv_warp_buffer_limit(&band, first, end);
+                draw_all((enum sv_simd)level, &s, &band, rgba);
+                assert_band(&whole, whole_rgba, &band, rgba, first, end);
+            }
+        }
+        scene_finish(&s);
+    }
+    sv_warp_buffer_finish(&whole);
+    sv_warp_buffer_finish(&band);
+}
+
+/* A source of rows 20 .. 59 shows, from the 22nd on, what one of all of them shows, to the bit. */
+static void test_a_part_of_the_rows(void **state)
+{
+    (void)state;
+    enum { SIDE = 96, ROW0 = 20 };
+    static uint8_t whole_rgba[SIDE * SIDE][4], rgba[SIDE * SIDE][4];
+    struct sv_warp_buffer whole, part;
+    int compared = 0;
+    assert_int_equal(sv_warp_buffer_create(SIDE, SIDE, &whole, NULL), SV_OK);
+    assert_int_equal(sv_warp_buffer_create(SIDE, SIDE, &part, NULL), SV_OK);
+    for (int shape = SCENE_FLAT; shape <= SCENE_NOISE; shape++) {
+        struct sv_warp_source s = posed((enum scene_shape)shape, 70, 60, 0.5, 0.7, 0.3, 1.3, SIDE, 5), t = s;
+        t.row0 = ROW0;
+        t.height -= ROW0;
+        t.t += ROW0 * s.width;
+        t.color += ROW0 * s.width;
+        draw_all(sv_simd_level(), &s, &whole, whole_rgba);
+        draw_all(sv_simd_level(), &t, &part, rgba);
+        for (int p = 0; p < SIDE * SIDE; p++) {
+            uint32_t texel = whole.texel[p], row = (texel & SV_WARP_TEXEL_MASK) / (uint32_t)s.width;
+            if (texel == SV_WARP_EMPTY || texel & SV_WARP_FILLED || row < ROW0 + 2)
+                continue;
+            assert_int_equal(part.texel[p], texel - (uint32_t)(ROW0 * s.width));
+            assert_memory_equal(&part.depth[p], &whole.depth[p], sizeof *whole.depth);
+            assert_memory_equal(rgba[p], whole_rgba[p], 4);
+            compared++;
+        }
+        scene_finish(&s);
+    }
+    assert_true(compared > SIDE * SIDE);
+    sv_warp_buffer_finish(&whole);
+    sv_warp_buffer_finish(&part);
+}
+
 /* --- parts out of the picture --- */
 
 static void draw_filled(enum sv_simd level, const struct sv_warp_source *s, struct sv_warp_buffer *buffer,
@@ -523,6 +613,8 @@ static void draw_filled(enum sv_simd level, const struct sv_warp_source *s, stru
 {
     assert_int_equal(sv_warp_buffer_create(64, 48, buffer, NULL), SV_OK);
     memset(buffer->place, 0, 64 * 48 * sizeof *buffer->place);
+    if (s->row0 > 2)
+        sv_warp_buffer_limit(buffer, 11, 37);
     sv_warp_splat_at(level, s, 3, buffer, stats);
     sv_warp_fill(s - 3, 4, buffer, stats);
 }
@@ -540,6 +632,7 @@ static void test_parts_out_of_the_picture(void **state)
         s[3] = posed(shapes[k % 3], 300 + k % 2 * 25, 40 + k, angle, 0.3 * k, 0.2 * k, texel_px, 64,
                      (uint64_t)k);
         float *t = (float *)(uintptr_t)s[3].t;
+        s[3].row0 = k % 6;
         for (int n = 0; n < s[3].width * s[3].height; n++)
             t[n] = fabsf(t[n]);
         for (int a = 0; a < 4; a++) /* off the middle, and into it */
@@ -574,7 +667,8 @@ int main(void)
         cmocka_unit_test(test_noise_has_no_pin_holes),  cmocka_unit_test(test_footprints),
         cmocka_unit_test(test_locate_and_resolve),      cmocka_unit_test(test_resolve_int16),
         cmocka_unit_test(test_fill_takes_the_far_side), cmocka_unit_test(test_fill_leaves_surfaces),
-        cmocka_unit_test(test_order_does_not_matter),   cmocka_unit_test(test_parts_out_of_the_picture),
+        cmocka_unit_test(test_order_does_not_matter),   cmocka_unit_test(test_bands),
+        cmocka_unit_test(test_a_part_of_the_rows),      cmocka_unit_test(test_parts_out_of_the_picture),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

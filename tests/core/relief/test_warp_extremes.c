@@ -240,7 +240,7 @@ static uint32_t guard_case(int width, int height, bool at_end, enum sv_simd leve
     float *t = guarded(n * sizeof *t, at_end, &block[0], &bytes[0]);
     uint8_t(*color)[4] = guarded(n * 4, at_end, &block[1], &bytes[1]);
     struct sv_warp_tears tears = {0};
-    struct sv_warp_buffer buffer = {.width = W, .height = H, .x1 = W, .y1 = H, .tears = &tears};
+    struct sv_warp_buffer buffer = {.width = W, .height = H, .x1 = W, .y1 = H, .end = H, .tears = &tears};
     buffer.depth = guarded(W * H * sizeof(float), at_end, &block[2], &bytes[2]);
     buffer.texel = guarded(W * H * sizeof(uint32_t), at_end, &block[3], &bytes[3]);
     buffer.place = guarded(W * H * sizeof(uint16_t), at_end, &block[4], &bytes[4]);

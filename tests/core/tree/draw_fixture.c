@@ -10,6 +10,7 @@
 
 #include "core/base/color.h"
 #include "core/base/rng.h"
+#include "tests/core/tree/kept_bakes.h"
 
 void fixture_ok(enum sv_status status, const struct sv_error *error)
 {
@@ -274,12 +275,12 @@ struct fixture_look fixture_look_at(const struct fixture_view *view)
 }
 
 void fixture_single_init(struct fixture_single *s, const struct sv_tree_mesh *mesh,
-                         const struct sv_tree *tree)
+                         const struct sv_tree *tree, struct sv_store *store)
 {
     struct sv_error error;
-    struct sv_tree_draw_species species = {mesh, 1, 1};
+    struct sv_tree_draw_species species = {mesh, kept_bakes_key(mesh), 1};
     fixture_forest_init(&s->forest, tree, 1, mesh->radius);
-    fixture_ok(sv_tree_draw_create(&species, 1, &s->forest.forest, NULL, &s->draw, &error), &error);
+    fixture_ok(sv_tree_draw_create(&species, 1, &s->forest.forest, store, &s->draw, &error), &error);
 }
 
 void fixture_single_finish(struct fixture_single *s)

@@ -48,13 +48,13 @@ struct fixture_look {
 };
 struct fixture_look fixture_look_at(const struct fixture_view *view);
 
-/* One-tree scene: mesh, its draw object. */
+/* One-tree scene: mesh, its draw object. store: of baked forms (kept_bakes.h), NULL: baked anew. */
 struct fixture_single {
     struct fixture_forest forest;
     struct sv_tree_draw *draw;
 };
 void fixture_single_init(struct fixture_single *s, const struct sv_tree_mesh *mesh,
-                         const struct sv_tree *tree);
+                         const struct sv_tree *tree, struct sv_store *store);
 void fixture_single_finish(struct fixture_single *s);
 
 /* Fails the test with the error's text when status is not SV_OK. */

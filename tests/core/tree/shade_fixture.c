@@ -10,15 +10,16 @@
 #include "core/base/color.h"
 #include "core/base/frames.h"
 #include "core/scene/id.h"
-#include "core/tree/sprite_atlas.h"
+#include "core/tree/draw.h"
+#include "core/tree/sprite.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/scene_kit.h"
 
 enum { LEAVES = 4000 };
 
 struct sv_scene *shade_ground, *shade_stand;
 struct sv_shade_species shade_table[SHADE_SPECIES];
-static struct sv_impostor_frame frames[SHADE_SPECIES][SV_IMPOSTOR_FRAMES];
-static uint8_t coverage[SHADE_SPECIES][SV_IMPOSTOR_SIDE * SV_IMPOSTOR_SIDE];
+static struct sv_sprite_draw *sprites;
 
 void shade_ok(enum sv_status status, const struct sv_error *error)
 {
@@ -54,20 +55,20 @@ int shade_setup(void **state)
     options.trees = 0;
     options.species = 0;
     shade_ground = kit_scene(&options);
-    for (int k = 0; k < SHADE_SPECIES; k++) {
-        struct sv_sprite_atlas atlas;
-        shade_ok(sv_sprite_atlas_bake(&shade_stand->species[k].mesh, &atlas, &error), &error);
-        sv_sprite_atlas_outline(&atlas, frames[k], coverage[k]);
-        sv_sprite_atlas_finish(&atlas);
-        shade_table[k] =
-            (struct sv_shade_species){frames[k], coverage[k], shade_stand->species[k].mesh.radius};
-    }
+    struct sv_tree_draw_species species[SHADE_SPECIES];
+    for (int k = 0; k < SHADE_SPECIES; k++)
+        species[k] = (struct sv_tree_draw_species){&shade_stand->species[k].mesh, shade_stand->species[k].key,
+                                                   shade_stand->species[k].tree_count};
+    shade_ok(sv_sprite_draw_create(species, SHADE_SPECIES, kept_bakes(), &sprites, &error), &error);
+    for (int k = 0; k < SHADE_SPECIES; k++)
+        shade_table[k] = sv_sprite_draw_shade_species(sprites, k);
     return 0;
 }
 
 int shade_teardown(void **state)
 {
     (void)state;
+    sv_sprite_draw_destroy(sprites);
     kit_free(shade_stand);
     kit_free(shade_ground);
     return 0;

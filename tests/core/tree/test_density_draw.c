@@ -20,6 +20,7 @@
 #include "core/tree/density_look.h"
 #include "core/tree/draw_cloud.h"
 #include "tests/core/tree/draw_fixture.h"
+#include "tests/core/tree/kept_bakes.h"
 
 enum { SIDE = 200 };
 static const float HEIGHT_M = 10;
@@ -341,7 +342,7 @@ static void test_energy(void **state)
     struct plane p = {0};
     struct fixture_single single;
     fixture_ok(sv_cloud_draw_create(&species, 1, NULL, &options, &p.draw, &error), &error);
-    fixture_single_init(&single, &mesh, &tree);
+    fixture_single_init(&single, &mesh, &tree, kept_bakes());
     how.form = SV_TREE_FORM_POLYGON;
     for (int k = 0; k < 2; k++) {
         double heading = k ? 215 : 40;

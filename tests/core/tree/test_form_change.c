@@ -17,6 +17,7 @@
 #include "core/tree/draw_cull.h"
 #include "core/tree/grow.h"
 #include "tests/core/tree/draw_fixture.h"
+#include "tests/core/tree/kept_bakes.h"
 
 enum { SIDE = 192, STEPS = 48 };
 /* draw.c: trees fade from this share of the size where leaves begin on. */
@@ -126,7 +127,7 @@ static void check_walk(const struct sv_tree_mesh *mesh, const char *name)
     static struct place places[2];
     struct fixture_single s;
     double worst = 0, most_share = 0;
-    fixture_single_init(&s, mesh, &TREE);
+    fixture_single_init(&s, mesh, &TREE, kept_bakes());
     double error_px = error_for(s.draw, 120), near_px = sv_tree_draw_near_px(s.draw, 0, error_px);
     assert_true(near_px >= 120 && near_px < 160);
     for (int k = -1; k <= STEPS + 1; k++) {
@@ -166,7 +167,7 @@ static void what_comes_far_away_changes_nothing_near(void **state)
                                            {.x = -2, .y = 3, .height_m = 5, .rotation_rad = 2, .number = 1},
                                            {.x = 16, .y = 28, .z = -8, .height_m = 20, .number = 2}};
     struct sv_camera camera = fixture_camera(sv_vec3(0, -9, 3), 0, 0, SIDE, SIDE);
-    struct sv_tree_draw_species species = {&leafy, 1, 3};
+    struct sv_tree_draw_species species = {&leafy, kept_bakes_key(&leafy), 3};
     struct fixture_forest f;
     struct sv_tree_draw *draw;
     struct sv_tree_draw_stats stats;
@@ -175,7 +176,7 @@ static void what_comes_far_away_changes_nothing_near(void **state)
     for (int k = 0; k < 3; k++)
         h[k] = sv_cull_height_px(&camera, &trees[k]);
     fixture_forest_init(&f, trees, 3, leafy.radius);
-    fixture_ok(sv_tree_draw_create(&species, 1, &f.forest, NULL, &draw, &error), &error);
+    fixture_ok(sv_tree_draw_create(&species, 1, &f.forest, kept_bakes(), &draw, &error), &error);
     assert_true(h[0] > 1.3 * h[2] && h[2] > 1.02 * h[1] && h[1] > 0);
     draw_over_sky(draw, &camera, SV_TREE_FORM_AUTO, error_for(draw, 1.01 * h[2] / FADE_FROM), before, &stats);
     assert_int_equal(stats.trees[SV_TREE_FORM_LEAF], 1);
@@ -215,7 +216,7 @@ static void check_cover(const struct sv_tree_mesh *mesh, const char *name, doubl
     static struct place place;
     struct fixture_single s;
     double worst = 0;
-    fixture_single_init(&s, mesh, &TREE);
+    fixture_single_init(&s, mesh, &TREE, kept_bakes());
     double error_px = error_for(s.draw, 120), near_px = sv_tree_draw_near_px(s.draw, 0, error_px);
     for (int k = 1; k < 8; k++) {
         double come = k / 8.0;

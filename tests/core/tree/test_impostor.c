@@ -146,7 +146,7 @@ static void agrees(const char *name, const struct sv_tree_mesh *mesh, int height
     static const double elevation_deg[12] = {0, 5, 12, 20, 30, 45, 60, 75, 89, -10, 17, 3};
     struct fixture_single s;
     struct tally t = {0};
-    fixture_single_init(&s, mesh, &lone);
+    fixture_single_init(&s, mesh, &lone, NULL);
     for (int k = 0; k < 12; k++)
         compare(s.draw, 61.0 * k + 10, elevation_deg[k], height_px, &t);
     fixture_single_finish(&s);

@@ -16,6 +16,7 @@
 #include "core/tree/grow.h"
 #include "core/tree/leaf_form.h"
 #include "tests/core/tree/draw_fixture.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/tree/leaf_fixture.h"
 
 enum { SPECIES = 5, SIDE = 128 };
@@ -166,9 +167,10 @@ static void test_agrees_with_polygons(void **state)
         leaf_fixture_sort(&f, &view.camera);
         struct sv_tree_draw_species species[SPECIES];
         for (int k = 0; k < SPECIES; k++)
-            species[k] = (struct sv_tree_draw_species){&f.scene->species[k].mesh, (uint64_t)k, 4};
+            species[k] = (struct sv_tree_draw_species){&meshes[k], kept_bakes_key(&meshes[k]), 4};
         struct sv_tree_draw *polygons;
-        fixture_ok(sv_tree_draw_create(species, SPECIES, &f.scene->forest, NULL, &polygons, &error), &error);
+        fixture_ok(sv_tree_draw_create(species, SPECIES, &f.scene->forest, kept_bakes(), &polygons, &error),
+                   &error);
         struct sv_tree_shade *shade;
         fixture_ok(sv_tree_draw_shade_create(polygons, &shade, &error), &error);
         fixture_ok(sv_tree_shade_update(shade, view.light.to_sun, NULL, NULL, &error), &error);

@@ -7,6 +7,7 @@
 #include <sys/mman.h>
 
 #include "core/base/color.h"
+#include "tests/core/tree/kept_bakes.h"
 
 #define CACHE_BYTES ((size_t)512 << 20)
 
@@ -75,7 +76,7 @@ static void add_hut(struct sv_scene *scene)
     mesh->radius = 0.71f;
     mesh->model_height = 1;
     model->file = "hut";
-    model->key = 771;
+    model->key = kept_bakes_key(mesh);
     model->object_count = 1;
     const struct sv_heightfield *f = &scene->terrain.field;
     double x = f->x0 + 0.5 * (f->width - 1) * f->dx, y = f->y0 + 0.5 * (f->height - 1) * f->dy;
@@ -106,8 +107,7 @@ static void dig_pit(struct sv_scene *scene)
     f->h = h;
 }
 
-void cells_kit_open(const struct kit_options *options, enum cells_kit_middle middle, struct sv_store *store,
-                    struct cells_kit *kit)
+void cells_kit_open(const struct kit_options *options, enum cells_kit_middle middle, struct cells_kit *kit)
 {
     struct sv_error error = {0};
     memset(kit, 0, sizeof *kit);
@@ -119,7 +119,7 @@ void cells_kit_open(const struct kit_options *options, enum cells_kit_middle mid
         add_hut(kit->scene);
     if (middle == CELLS_KIT_PIT)
         dig_pit(kit->scene);
-    must(sv_direct_create(kit->scene, store, &kit->direct, &error), &error);
+    must(sv_direct_create(kit->scene, kept_bakes(), &kit->direct, &error), &error);
     kit->memory =
         mmap(NULL, CACHE_BYTES, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (kit->memory == MAP_FAILED)

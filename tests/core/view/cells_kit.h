@@ -18,9 +18,8 @@ struct kit_options cells_kit_wood(uint32_t trees);
 /* In the middle of the field: nothing more, a plain box of 6 m, or a round pit 40 m deep and 60 m wide (trees
  * stay at the height where they were). */
 enum cells_kit_middle { CELLS_KIT_PLAIN, CELLS_KIT_HUT, CELLS_KIT_PIT };
-/* store: of baked forms, may be NULL. Aborts on failure. One kit at a time: it holds the drawing context. */
-void cells_kit_open(const struct kit_options *options, enum cells_kit_middle middle, struct sv_store *store,
-                    struct cells_kit *kit);
+/* Aborts on failure. One kit at a time: it holds the drawing context. */
+void cells_kit_open(const struct kit_options *options, enum cells_kit_middle middle, struct cells_kit *kit);
 void cells_kit_close(struct cells_kit *kit);
 
 /* An eye at shares (x, y) of the field. */

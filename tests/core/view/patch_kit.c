@@ -13,9 +13,9 @@
 
 #include "api/patch_parse.h"
 #include "core/base/rng.h"
+#include "tests/core/tree/kept_bakes.h"
 
 static char folder[] = "/tmp/sv-patch-XXXXXX";
-struct sv_store *patch_kit_store;
 
 void patch_kit_write(const char *name, const char *format, ...)
 {
@@ -56,7 +56,7 @@ struct sv_scene *patch_kit_load(uint32_t trees, const char *forest, const char *
     struct sv_scene_spec spec;
     struct sv_errors errors;
     struct sv_scene *scene = NULL;
-    struct sv_scene_options options = {.store = patch_kit_store, .arena_bytes = (size_t)1 << 30};
+    struct sv_scene_options options = {.store = kept_bakes(), .arena_bytes = (size_t)1 << 30};
     write_trees(trees);
     patch_kit_write("hut.obj", "%s", PATCH_KIT_HUT);
     patch_kit_write(
@@ -83,7 +83,7 @@ struct sv_scene_change patch_kit_patch(struct sv_scene *scene, struct sv_rendere
 {
     static char text[65536];
     struct sv_scene_patch patch;
-    struct sv_scene_patch_options options = {.store = patch_kit_store};
+    struct sv_scene_patch_options options = {.store = kept_bakes()};
     struct sv_scene_delta delta;
     struct sv_errors errors;
     struct sv_error error;
@@ -95,7 +95,7 @@ struct sv_scene_change patch_kit_patch(struct sv_scene *scene, struct sv_rendere
     if (sv_api_patch_parse(text, (size_t)bytes, &scene->spec, &patch, &errors) != SV_OK ||
         sv_scene_patch_apply(scene, &patch, &options, &delta, &errors) != SV_OK)
         fail_msg("%s: %s", errors.items[0].field, errors.items[0].message);
-    if (r && sv_renderer_change(r, &delta, patch_kit_store, &error) != SV_OK)
+    if (r && sv_renderer_change(r, &delta, kept_bakes(), &error) != SV_OK)
         fail_msg("%s: %s", error.field, error.message);
     struct sv_scene_change change = delta.change;
     sv_scene_delta_finish(&delta);
@@ -107,20 +107,14 @@ struct sv_scene_change patch_kit_patch(struct sv_scene *scene, struct sv_rendere
 int patch_kit_setup(void **state)
 {
     (void)state;
-    char path[128];
-    struct sv_error error;
-    if (!mkdtemp(folder))
-        return 1;
     sv_geo_init();
-    snprintf(path, sizeof path, "%s/cache", folder);
-    return sv_store_open(path, UINT64_C(1) << 30, &patch_kit_store, &error) != SV_OK;
+    return mkdtemp(folder) ? 0 : 1;
 }
 
 int patch_kit_teardown(void **state)
 {
     (void)state;
     char command[160];
-    sv_store_close(patch_kit_store);
     snprintf(command, sizeof command, "rm -rf %s", folder);
     return system(command);
 }

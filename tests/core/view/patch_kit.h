@@ -8,7 +8,6 @@
 
 enum { PATCH_KIT_TREES = 260 };
 extern const char PATCH_KIT_HUT[];
-extern struct sv_store *patch_kit_store;
 
 int patch_kit_setup(void **state);
 int patch_kit_teardown(void **state);

@@ -8,6 +8,7 @@
 #include "core/base/rng.h"
 #include "core/terrain/coloring.h"
 #include "core/tree/grow.h"
+#include "tests/core/tree/kept_bakes.h"
 
 static void must(enum sv_status status, const struct sv_error *error, const char *what)
 {
@@ -61,21 +62,31 @@ static void make_field(struct sv_scene *scene, const struct kit_options *o)
     must(sv_terrain_color(&scene->terrain, NULL, 47, scene->arena, &error), &error, "sv_terrain_color");
 }
 
+/* The habit's tree, grown once for all scenes of as many leaves. */
+static const struct sv_tree_mesh *grown(enum sv_habit habit, uint32_t leaves)
+{
+    static struct sv_tree_mesh kept[SV_HABIT_COUNT];
+    static uint32_t kept_leaves[SV_HABIT_COUNT];
+    struct sv_error error = {0};
+    if (!kept[habit].vertices || kept_leaves[habit] != leaves) {
+        sv_tree_mesh_finish(&kept[habit]);
+        must(sv_tree_grow(habit, leaves, (uint64_t)habit + 1, &kept[habit], &error), &error, "sv_tree_grow");
+        kept_leaves[habit] = leaves;
+    }
+    return &kept[habit];
+}
+
 static void make_trees(struct sv_scene *scene, const struct kit_options *o)
 {
     struct sv_error error = {0};
     struct sv_species *species = sv_arena_alloc(scene->arena, (size_t)o->species + 1, sizeof *species);
     struct sv_crown_bound bounds[SV_HABIT_COUNT];
     for (int k = 0; k < o->species; k++) {
-        struct sv_tree_mesh mesh;
-        must(sv_tree_grow((enum sv_habit)(k % SV_HABIT_COUNT), o->leaves, (uint64_t)k + 1, &mesh, &error),
-             &error, "sv_tree_grow");
-        must(sv_tree_mesh_to_arena(&mesh, scene->arena, &species[k].mesh, &error), &error, "to_arena");
-        sv_tree_mesh_finish(&mesh);
+        const struct sv_tree_mesh *mesh = grown((enum sv_habit)(k % SV_HABIT_COUNT), o->leaves);
+        must(sv_tree_mesh_to_arena(mesh, scene->arena, &species[k].mesh, &error), &error, "to_arena");
         snprintf(species[k].name, sizeof species[k].name, "%s",
                  sv_habit_name((enum sv_habit)(k % SV_HABIT_COUNT)));
-        species[k].key = sv_mix64(SV_GROW_VERSION * 31 + o->leaves) +
-                         (uint64_t)k; /* the same trees in every scene of a test */
+        species[k].key = kept_bakes_key(&species[k].mesh);
         bounds[k % SV_HABIT_COUNT] = (struct sv_crown_bound){species[k].mesh.radius, 1, 0};
     }
     scene->species = species;

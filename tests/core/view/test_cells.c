@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "core/cell/cache.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/scene_kit.h"
 
 /* NARROW: some 200 KB more than the index takes, less than the largest panel here. */
@@ -59,7 +60,8 @@ static int set_up(void **state)
     memory = mmap(NULL, ROOMY, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     assert_true(memory != MAP_FAILED);
     make_cache(ROOMY);
-    struct sv_renderer_options made = {.clock = clock_ms, .cells = cache, .cells_slot = 1};
+    struct sv_renderer_options made = {
+        .store = kept_bakes(), .clock = clock_ms, .cells = cache, .cells_slot = 1};
     if (sv_renderer_create(scene, &made, &renderer, &error) != SV_OK)
         fail_msg("%s", error.message);
     return 0;

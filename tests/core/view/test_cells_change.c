@@ -14,6 +14,7 @@
 #include "core/cell/panel.h"
 #include "core/scene/id.h"
 #include "core/view/cells_change.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/patch_kit.h"
 #include "tests/core/view/scene_kit.h"
 
@@ -95,7 +96,8 @@ static void shadows_that_show_are_seen(void **state)
         struct sv_cells_change *c = NULL;
         struct sv_error error;
         assert_int_equal(sv_cells_change_create(&scene, &change, &c, &error), SV_OK);
-        bool shows = found(&rng, &label, &change.boxes[0], -5), said = sv_cells_change_shows(c, &label, false);
+        bool shows = found(&rng, &label, &change.boxes[0], -5),
+             said = sv_cells_change_shows(c, &label, false);
         assert_true(said || !shows);
         shown += shows;
         unseen += !said;
@@ -124,7 +126,7 @@ static double no_clock(void)
 
 static struct sv_renderer *renderer_of(const struct sv_scene *scene, struct sv_cell_cache *cache)
 {
-    struct sv_renderer_options options = {.store = patch_kit_store, .clock = no_clock, .cells = cache};
+    struct sv_renderer_options options = {.store = kept_bakes(), .clock = no_clock, .cells = cache};
     struct sv_renderer *r = NULL;
     struct sv_error error;
     assert_int_equal(sv_renderer_create(scene, &options, &r, &error), SV_OK);

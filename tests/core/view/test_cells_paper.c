@@ -11,6 +11,7 @@
 
 #include "core/cell/region.h"
 #include "core/view/cells_paper.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/scene_kit.h"
 
 enum { SIZE = 256 };
@@ -40,7 +41,7 @@ static struct fixture open_scene(uint32_t trees)
     struct sv_error error;
     f.scene->relief_distance_m = D;
     f.scene->relief_resolution = SIZE;
-    if (sv_direct_create(f.scene, NULL, &f.direct, &error) != SV_OK ||
+    if (sv_direct_create(f.scene, kept_bakes(), &f.direct, &error) != SV_OK ||
         sv_cells_paper_create(f.scene, f.direct, NULL, &f.cells, &error) != SV_OK)
         fail_msg("%s: %s", error.field, error.message);
     return f;

@@ -17,25 +17,6 @@
 
 enum { SIDE = 128 };
 
-/* Trees are baked once for all scenes. */
-static struct sv_store *store;
-static char folder[] = "/tmp/silvista-places-XXXXXX";
-
-static int setup(void **state)
-{
-    (void)state;
-    return mkdtemp(folder) && sv_store_open(folder, (uint64_t)1 << 30, &store, NULL) == SV_OK ? 0 : -1;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    char command[64];
-    sv_store_close(store);
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    return system(command);
-}
-
 /* off_most: as in test_cells_pictures.c, what was measured plus a quarter. */
 struct place {
     const char *name;
@@ -75,7 +56,7 @@ static void in_a_wood(void **state)
     };
     struct kit_options wood = cells_kit_wood(400);
     struct cells_kit kit;
-    cells_kit_open(&wood, CELLS_KIT_PLAIN, store, &kit);
+    cells_kit_open(&wood, CELLS_KIT_PLAIN, &kit);
     for (size_t k = 0; k < sizeof places / sizeof *places; k++)
         check(&kit, &places[k]);
     cells_kit_close(&kit);
@@ -90,7 +71,7 @@ static void narrow_views_are_not_for_cells(void **state)
                  tele = {"tele", {0.5, 0.25, 30, 0, -8, 14.3, SIDE}, 11.7};
     struct kit_options wood = cells_kit_wood(400);
     struct cells_kit kit;
-    cells_kit_open(&wood, CELLS_KIT_PLAIN, store, &kit);
+    cells_kit_open(&wood, CELLS_KIT_PLAIN, &kit);
     struct sv_resolved_view view = cells_kit_view(&kit, &narrow.pose);
     assert_false(sv_cells_can(&view, 1u << SV_LAYER_COLOR));
     view.plan.relief_resolution = 4096; /* 3.6 px each */
@@ -113,7 +94,7 @@ static void before_an_object(void **state)
     };
     struct kit_options wood = cells_kit_wood(100);
     struct cells_kit kit;
-    cells_kit_open(&wood, CELLS_KIT_HUT, store, &kit);
+    cells_kit_open(&wood, CELLS_KIT_HUT, &kit);
     for (size_t k = 0; k < sizeof places / sizeof *places; k++)
         check(&kit, &places[k]);
     cells_kit_close(&kit);
@@ -129,7 +110,7 @@ static void without_trees(void **state)
     };
     struct kit_options wood = cells_kit_wood(0);
     struct cells_kit kit;
-    cells_kit_open(&wood, CELLS_KIT_PLAIN, store, &kit);
+    cells_kit_open(&wood, CELLS_KIT_PLAIN, &kit);
     for (size_t k = 0; k < sizeof places / sizeof *places; k++)
         check(&kit, &places[k]);
     cells_kit_close(&kit);
@@ -146,7 +127,7 @@ static void in_a_pit(void **state)
     };
     struct kit_options wood = cells_kit_wood(0);
     struct cells_kit kit;
-    cells_kit_open(&wood, CELLS_KIT_PIT, store, &kit);
+    cells_kit_open(&wood, CELLS_KIT_PIT, &kit);
     for (size_t k = 0; k < sizeof places / sizeof *places; k++)
         check(&kit, &places[k]);
     cells_kit_close(&kit);
@@ -157,5 +138,5 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(in_a_wood), cmocka_unit_test(narrow_views_are_not_for_cells),
         cmocka_unit_test(before_an_object), cmocka_unit_test(without_trees), cmocka_unit_test(in_a_pit)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,6 +11,7 @@
 
 #include "core/cell/cache.h"
 #include "core/view/cells_refine.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/scene_kit.h"
 
 static const size_t CACHE_BYTES = (size_t)64 << 20;
@@ -46,7 +47,8 @@ static int open_stage(void **state)
     void *memory = aligned_alloc(4096, CACHE_BYTES);
     s = (struct stage){.scene = kit_scene(&options)};
     if (sv_cell_cache_make(memory, CACHE_BYTES, &SV_CELL_CACHE_OPTIONS_DEFAULT, &s.cache, &error) ||
-        sv_renderer_create(s.scene, &(struct sv_renderer_options){.cells = s.cache}, &s.renderer, &error))
+        sv_renderer_create(s.scene, &(struct sv_renderer_options){.store = kept_bakes(), .cells = s.cache},
+                           &s.renderer, &error))
         fail_msg("%s", error.message);
     s.request = kit_request();
     s.request.width = s.request.height = 64;

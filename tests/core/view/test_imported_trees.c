@@ -17,6 +17,7 @@
 
 #include "core/base/rng.h"
 #include "core/scene/id.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/scene_kit.h"
 
 enum { LEAVES = 400, NOTES_BYTES = 4096 };
@@ -253,8 +254,8 @@ static void check_pictures(const struct sv_scene *scene, const char *name, bool 
 {
     struct sv_renderer *renderer;
     struct sv_error error = {0};
-    enum sv_status status =
-        sv_renderer_create(scene, &(struct sv_renderer_options){.truth = true}, &renderer, &error);
+    enum sv_status status = sv_renderer_create(
+        scene, &(struct sv_renderer_options){.store = kept_bakes(), .truth = true}, &renderer, &error);
     if (status)
         fail_msg("%s: %s", error.field, error.message);
     for (size_t k = 0; k < sizeof FORMS / sizeof *FORMS; k++) {

@@ -12,6 +12,7 @@
 
 #include "api/patch_parse.h"
 #include "core/scene/id.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/patch_kit.h"
 #include "tests/core/view/scene_kit.h"
 
@@ -21,7 +22,7 @@ static struct sv_renderer *renderer_of(const struct sv_scene *scene)
 {
     struct sv_renderer *r = NULL;
     struct sv_error error;
-    struct sv_renderer_options options = {.store = patch_kit_store, .truth = true};
+    struct sv_renderer_options options = {.store = kept_bakes(), .truth = true};
     if (sv_renderer_create(scene, &options, &r, &error) != SV_OK ||
         sv_renderer_warm_shadows(r, &error) != SV_OK)
         fail_msg("%s: %s", error.field, error.message);

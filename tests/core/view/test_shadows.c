@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "core/scene/id.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/scene_kit.h"
 
 enum { SIDE = 320 };
@@ -58,7 +59,7 @@ static void use(const struct sv_scene *scene, bool afresh)
     if (drawn_scene == scene && !afresh)
         return;
     sv_renderer_destroy(draws);
-    if (sv_renderer_create(scene, &(struct sv_renderer_options){0}, &draws, &error))
+    if (sv_renderer_create(scene, &(struct sv_renderer_options){.store = kept_bakes()}, &draws, &error))
         fail_msg("%s: %s", error.field, error.message);
     drawn_scene = scene;
 }

@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include "core/view/warm.h"
+#include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/scene_kit.h"
 
 static struct sv_picture draw(struct sv_renderer *renderer, const struct sv_scene *scene)
@@ -47,7 +48,7 @@ static void check(uint32_t trees)
                                   .height_max_m = 9};
     struct sv_scene *scene = kit_scene(&options);
     struct sv_renderer *renderer;
-    struct sv_renderer_options plain = {0};
+    struct sv_renderer_options plain = {.store = kept_bakes()};
     struct sv_error error;
     if (sv_renderer_create(scene, &plain, &renderer, &error) != SV_OK)
         fail_msg("%s", error.message);
