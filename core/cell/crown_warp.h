@@ -25,7 +25,10 @@
  * c): colour is bilinear there, in linear light and premultiplied. A pixel that no texel covers takes the
  * nearest (largest d) of its eight neighbours' texels, or else of the sixteen around those: what has opened
  * beside one shows what the panel has beside it, and beyond a silhouette there is nothing to be seen
- * (coverage 0). So no rims of empty texels are needed around crowns. (Measured on a forest,
+ * (coverage 0). Where the panel has something much nearer or farther there (its q off by more than SV_CROWN_SAME of
+ * it), the pixel shows nothing unless texels cover pixels above, below, left and right of it: else the wood behind
+ * a crown is seen a second time beside it, in the sky. (Flights over 5,000 and 45,000 trees: mean 6.03 and
+ * 6.71 of 255 without, 5.95 and 6.61 with it.) So no rims of empty texels are needed around crowns. (Measured on a forest,
  * tests/experiments/cell_crowns: without that 2 to 7 % of light leaks through cracks, 0.1 to 1.3 % with it;
  * larger reaches, the farthest neighbour, a second step by the q found at the place, and smoothed q gave
  * nothing.)
@@ -45,6 +48,7 @@ enum { SV_CROWN_SOURCES_MAX = 12, SV_CROWN_HALF_MAX = 8, SV_CROWN_REACH = 2 };
  * bilinear ones (1) leave 0.66 of a forest's gradient energy and nearest ones stagger. */
 #define SV_CROWN_STEEP 2.0f
 #define SV_CROWN_GROW (1.0f / 64)
+#define SV_CROWN_SAME 0.1f
 /* Pixels that let less light through are done. */
 #define SV_CROWN_PASS_MIN (1.0f / 255)
 

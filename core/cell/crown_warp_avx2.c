@@ -444,6 +444,25 @@ static inline __m256i lanes_of(unsigned mask)
     return _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((int)mask), bit), bit);
 }
 
+static inline unsigned over(__m256i keys, __m256i epoch)
+{
+    return (unsigned)_mm256_movemask_pd(_mm256_castsi256_pd(_mm256_cmpgt_epi64(keys, epoch)));
+}
+
+/* Of eight pixels that no texel covers, those that show what their neighbours' keys have there. */
+static unsigned fills(const struct sv_crown_resolve *r, unsigned mask, __m256i low, __m256i high, int i, int j)
+{
+    uint64_t keys[LANES];
+    unsigned shown = 0;
+    _mm256_storeu_si256((__m256i *)(void *)keys, low);
+    _mm256_storeu_si256((__m256i *)(void *)(keys + 4), high);
+    for (; mask; mask &= mask - 1) {
+        int k = __builtin_ctz(mask);
+        shown |= (unsigned)sv_crown_fills(r, keys[k], i + k, j) << k;
+    }
+    return shown;
+}
+
 /* Eight pixels from (i, j) of the band on; returns whether they are done. */
 static inline bool draw_pixels(const struct sv_crown_resolve *r, int i, int j)
 {
@@ -462,6 +481,9 @@ static inline bool draw_pixels(const struct sv_crown_resolve *r, int i, int j)
         __m256 limit = _mm256_mul_ps(_mm256_loadu_ps(r->depth + p), _mm256_set1_ps(r->keep));
         mask &= ~(unsigned)_mm256_movemask_ps(_mm256_cmp_ps(shown.d, limit, _CMP_LT_OQ));
     }
+    unsigned empty = mask & ~(over(load4(keys), epoch) | over(load4(keys + 4), epoch) << 4);
+    if (empty)
+        mask ^= empty ^ fills(r, empty, low, high, i, j);
     if (mask == 0)
         return false;
     __m256i number = _mm256_srli_epi32(shown.tag, SV_CROWN_TEXEL_BITS), left = lanes_of(mask);

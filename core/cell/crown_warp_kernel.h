@@ -101,6 +101,11 @@ struct sv_crown_resolve {
  * afterwards. */
 typedef bool (*sv_crown_block)(const struct sv_crown_resolve *resolve, int i0, int i1, int j0, int j1);
 
+/* Whether pixel (i, j) of the band, that no texel covers, shows what the key of a neighbour has there: the same body, or
+ * nothing, or what is amid covered pixels. Beside a silhouette the panel has what stands far behind it, which is drawn
+ * where it is seen from here, and not here. */
+bool sv_crown_fills(const struct sv_crown_resolve *resolve, uint64_t key, int i, int j);
+
 struct sv_crown_kernel {
     sv_crown_tile tile;
     sv_crown_block block;

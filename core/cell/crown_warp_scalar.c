@@ -111,20 +111,55 @@ static void blend(const struct sv_panel_layer *layer, float u, float v, float ou
     }
 }
 
-/* A key's texel seen through the pixel (x, y) of the picture, composed under what has been gathered. */
-static void show(const struct sv_crown_resolve *r, uint64_t key, float x, float y, float light[4])
+/* Where a pixel (x, y) of the picture sees a key's texel: on which source, at the depth of which code. */
+struct place {
+    const struct sv_crown_inverse *source; /* NULL: nowhere */
+    float code, u, v;
+};
+
+static struct place locate(const struct sv_crown_resolve *r, uint64_t key, float x, float y)
 {
     uint32_t tag = ((uint32_t)key & SV_CROWN_TAG_MASK) ^ SV_CROWN_TAG_MASK;
     const struct sv_crown_inverse *s = &r->sources[tag >> SV_CROWN_TEXEL_BITS];
     if (!s->legal)
-        return;
-    float code = (float)s->layer->q[tag & SV_CROWN_TEXEL_MASK], p[3], out[4];
+        return (struct place){NULL, 0, 0, 0};
+    float code = (float)s->layer->q[tag & SV_CROWN_TEXEL_MASK], p[3];
     for (int k = 0; k < 3; k++)
         p[k] = (s->at[k] + x * s->dx[k]) + y * s->dy[k];
     float inverse = 1.0f / p[2], along = 1 + code * s->gw;
     float u = ((p[0] * inverse) * along + code * s->gu) + s->middle;
     float v = ((p[1] * inverse) * along + code * s->gv) + s->middle;
-    blend(s->layer, clamp(u, 0, s->last), clamp(v, 0, s->last), out);
+    return (struct place){s, code, clamp(u, 0, s->last), clamp(v, 0, s->last)};
+}
+
+/* Whether keys lie above, below, left and right of a pixel. */
+static bool is_amid(const struct sv_crown_buffer *buffer, const uint64_t *own)
+{
+    unsigned sides = 0;
+    for (int j = -SV_CROWN_REACH; j <= SV_CROWN_REACH; j++)
+        for (int i = -SV_CROWN_REACH; i <= SV_CROWN_REACH; i++)
+            if (own[j * buffer->stride + i] > buffer->epoch)
+                sides |= (unsigned)(j < 0) | (unsigned)(j > 0) << 1 | (unsigned)(i < 0) << 2 | (unsigned)(i > 0) << 3;
+    return sides == 15;
+}
+
+bool sv_crown_fills(const struct sv_crown_resolve *r, uint64_t key, int i, int j)
+{
+    struct place at = locate(r, key, (float)i, (float)(r->buffer->row_first + j));
+    if (!at.source)
+        return false;
+    float code = (float)sv_panel_code(at.source->layer, (int)(at.u + 0.5f), (int)(at.v + 0.5f));
+    return code == 0 || fabsf(code - at.code) <= SV_CROWN_SAME * at.code || is_amid(r->buffer, sv_crown_at(r->buffer, i, j));
+}
+
+/* A key's texel seen through the pixel (x, y) of the picture, composed under what has been gathered. */
+static void show(const struct sv_crown_resolve *r, uint64_t key, float x, float y, float light[4])
+{
+    struct place at = locate(r, key, x, y);
+    float out[4];
+    if (!at.source)
+        return;
+    blend(at.source->layer, at.u, at.v, out);
     float pass = light[3] * (1 / SV_CROWN_UNIT);
     for (int c = 0; c < 3; c++)
         light[c] += pass * out[c];
@@ -141,10 +176,12 @@ static bool draw_block(const struct sv_crown_resolve *r, int i0, int i1, int j0,
             float *light = r->light[p], d;
             if (!(light[3] >= SV_CROWN_PASS_MIN))
                 continue;
-            uint64_t key = shown_key(buffer, sv_crown_at(buffer, i, j));
+            const uint64_t *own = sv_crown_at(buffer, i, j);
+            uint64_t key = shown_key(buffer, own);
             uint32_t bits = (uint32_t)(key >> SV_CROWN_DEPTH_SHIFT) & 0x3fffffff;
             memcpy(&d, &bits, sizeof d);
-            if (key > buffer->epoch && !(r->depth && d < r->depth[p] * r->keep))
+            if (key > buffer->epoch && !(r->depth && d < r->depth[p] * r->keep) &&
+                (*own > buffer->epoch || sv_crown_fills(r, key, i, j)))
                 show(r, key, (float)i, (float)(buffer->row_first + j), light);
             done &= !(light[3] >= SV_CROWN_PASS_MIN);
         }

@@ -223,10 +223,44 @@ static void place_of(const struct sv_crown_source *s, double x, double y, struct
     mean_of(s->layer, t->u, t->v, t->color);
 }
 
+/* Whether the texel nearest to (u, v) is of another body than the code's. */
+static bool is_other(const struct sv_panel_layer *layer, double code, double u, double v)
+{
+    int last = layer->size - 1;
+    int i = (int)floor(fmin(fmax(u, 0), last) + 0.5), j = (int)floor(fmin(fmax(v, 0), last) + 0.5);
+    double there = sv_panel_code(layer, i, j);
+    return there != 0 && fabs(there - code) > (double)SV_CROWN_SAME * code;
+}
+
+/* A pixel that nothing covers shows no other body, unless pixels are covered on all sides of it (crown_warp.h). */
+static void judge_fill(const struct sv_crown_source *sources, unsigned count, int i, int row, struct crown_truth *truth)
+{
+    const struct sv_panel_layer *layer = sources[truth->source].layer;
+    double code = sv_panel_code(layer, truth->texel % layer->size, truth->texel / layer->size);
+    bool other = is_other(layer, code, truth->u, truth->v), above = false, below = false, left = false, right = false;
+    for (int k = 0; k < 4; k++)
+        truth->unsure |= is_other(layer, code, truth->u + (k & 1 ? 0.02 : -0.02), truth->v + (k & 2 ? 0.02 : -0.02)) != other;
+    if (!other)
+        return;
+    for (int y = -SV_CROWN_REACH; y <= SV_CROWN_REACH; y++)
+        for (int x = -SV_CROWN_REACH; x <= SV_CROWN_REACH; x++) {
+            struct crown_truth t;
+            nearest(sources, count, i + x, row + y, &t);
+            truth->unsure |= t.unsure;
+            above |= t.any && y < 0;
+            below |= t.any && y > 0;
+            left |= t.any && x < 0;
+            right |= t.any && x > 0;
+        }
+    if (!(above && below && left && right))
+        truth->any = false;
+}
+
 void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i, int row,
                     struct crown_truth *truth)
 {
     nearest(sources, count, i, row, truth);
+    bool filled = !truth->any;
     for (int reach = 1; reach <= SV_CROWN_REACH && !truth->any; reach++) {
         struct crown_truth near = {.d = -1};
         bool unsure = truth->unsure;
@@ -246,4 +280,6 @@ void crown_truth_of(const struct sv_crown_source *sources, unsigned count, int i
     }
     if (truth->any)
         place_of(&sources[truth->source], i + 0.5, row + 0.5, truth);
+    if (truth->any && filled && !truth->unsure)
+        judge_fill(sources, count, i, row, truth);
 }

@@ -419,6 +419,44 @@ static void test_closed_is_left_out(void **state)
     crown_panel_free(&panel);
 }
 
+/* A crown before a wood whose tops are just above its own, seen from lower: it stands up into the sky. Beside it the
+ * panel has the wood, which is seen where it is, and not in the sky around the crown. */
+static void test_silhouette(void **state)
+{
+    (void)state;
+    enum { SIDE = 64, CROWN = 32, WOOD = 30 };
+    const double turn[3] = {0, 0, 0}, distance = 20, lower = 0.15;
+    struct sv_vec3 v = sv_vec3(412345.5, 4123456.25, 310);
+    struct crown_panel panel;
+    struct sv_crown_source source;
+    crown_panel_make(SIDE, &panel);
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        bool crown = k / SIDE >= CROWN && k % SIDE >= 24 && k % SIDE < 40;
+        if (!crown && k / SIDE < WOOD)
+            continue;
+        memcpy(panel.room.color[k], (const uint8_t[4]){crown ? 0 : 200, crown ? 200 : 0, 0, 255}, 4);
+        panel.room.q[k] = crown ? SV_PANEL_Q_ONE : SV_PANEL_Q_ONE / 20;
+    }
+    crown_panel_pack(&panel);
+    struct sv_camera camera =
+        crown_camera(SV_CELL_NORTH, v, distance, sv_vec3(0, 0, -lower), turn, SV_PI / 2, SIDE, SIDE);
+    source.layer = &panel.panel.crowns;
+    sv_crown_map(v, distance, SV_CELL_NORTH, &camera, 0, 0, source.m);
+    int crown_top = (int)floor(CROWN - lower * SIDE / 2); /* 27.2: rows above have their centres in the sky */
+    for (int level = 0; level < LEVELS; level++) {
+        struct picture p = picture_make(SIDE, SIDE);
+        draw_band(levels[level], &source, 1, 0, SIDE, NULL, &p);
+        for (int k = 0; k < crown_top * SIDE; k++)
+            assert_true(p.light[k][0] == 0 && p.light[k][3] == 1);
+        for (int i = 26; i < 38; i++)
+            assert_true(p.light[(crown_top + 2) * SIDE + i][1] > 0.5f && p.light[(crown_top + 2) * SIDE + i][0] == 0);
+        for (int i = 2; i < 20; i++)
+            assert_true(p.light[(WOOD + 2) * SIDE + i][0] > 0.5f);
+        free(p.light);
+    }
+    crown_panel_free(&panel);
+}
+
 /* Opaque things in front hide, by more than the tolerance, pixel by pixel. */
 static void test_depth(void **state)
 {
@@ -453,7 +491,7 @@ int main(void)
         cmocka_unit_test(test_brute_force),     cmocka_unit_test(test_plane_homography),
         cmocka_unit_test(test_single_texel),    cmocka_unit_test(test_levels_agree),
         cmocka_unit_test(test_bands_and_rings), cmocka_unit_test(test_closed_is_left_out),
-        cmocka_unit_test(test_depth),
+        cmocka_unit_test(test_depth),           cmocka_unit_test(test_silhouette),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }
