@@ -139,7 +139,8 @@ static bool is_amid(const struct sv_crown_buffer *buffer, const uint64_t *own)
     for (int j = -SV_CROWN_REACH; j <= SV_CROWN_REACH; j++)
         for (int i = -SV_CROWN_REACH; i <= SV_CROWN_REACH; i++)
             if (own[j * buffer->stride + i] > buffer->epoch)
-                sides |= (unsigned)(j < 0) | (unsigned)(j > 0) << 1 | (unsigned)(i < 0) << 2 | (unsigned)(i > 0) << 3;
+                sides |= (unsigned)(j < 0) | (unsigned)(j > 0) << 1 | (unsigned)(i < 0) << 2 |
+                         (unsigned)(i > 0) << 3;
     return sides == 15;
 }
 
@@ -149,7 +150,8 @@ bool sv_crown_fills(const struct sv_crown_resolve *r, uint64_t key, int i, int j
     if (!at.source)
         return false;
     float code = (float)sv_panel_code(at.source->layer, (int)(at.u + 0.5f), (int)(at.v + 0.5f));
-    return code == 0 || fabsf(code - at.code) <= SV_CROWN_SAME * at.code || is_amid(r->buffer, sv_crown_at(r->buffer, i, j));
+    return code == 0 || fabsf(code - at.code) <= SV_CROWN_SAME * at.code ||
+           is_amid(r->buffer, sv_crown_at(r->buffer, i, j));
 }
 
 /* A key's texel seen through the pixel (x, y) of the picture, composed under what has been gathered. */

@@ -71,7 +71,8 @@ size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, double pi
                        struct sv_cell_listed *cells)
 {
     size_t found = 0;
-    qsort(items, count, sizeof *items, compare);
+    if (count > 0)
+        qsort(items, count, sizeof *items, compare);
     for (size_t k = 0; k < count; k++) {
         if (k == 0 || compare_cells(&items[k - 1], &items[k]) != 0)
             cells[found++] = begin(&items[k], k, pitch);

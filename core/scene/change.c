@@ -39,7 +39,7 @@ static void join(struct sv_change_box *into, const struct sv_change_box *b)
 void sv_scene_change_put(struct sv_scene_change *change, struct sv_change_box *boxes, size_t count)
 {
     double side = SV_CHANGE_CELL_M;
-    for (;; side *= 2) {
+    for (; count > 0; side *= 2) {
         qsort_r(boxes, count, sizeof *boxes, compare_cells, &side);
         if (count_cells(boxes, count, side) <= SV_CHANGE_BOXES_MAX)
             break;

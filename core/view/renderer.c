@@ -65,10 +65,12 @@ enum sv_status sv_renderer_create(const struct sv_scene *scene, const struct sv_
 void sv_renderer_use_cells_slot(struct sv_renderer *renderer, int slot)
 {
     renderer->slot = slot >= 0 ? (unsigned)slot : 0;
-    if (renderer->cells && slot >= 0)
+    if (renderer->cells && slot >= 0) {
         sv_cells_use_slot(renderer->cells, (unsigned)slot);
-    else
-        renderer->cells = NULL; /* it goes with the process: what was there before a fork is not freed */
+        return;
+    }
+    sv_cells_destroy(renderer->cells);
+    renderer->cells = NULL;
 }
 
 enum sv_status sv_renderer_build_cells(struct sv_renderer *renderer, const struct sv_view_request *request,
