@@ -102,6 +102,7 @@ static void none_and_wild(void **state)
     struct sv_cell_cache_item items[2];
     assert_int_equal(sv_cell_listing(NULL, 0, pitch, cells), 0);
     memset(items, 0xFF, sizeof items); /* NaN everywhere, a ring of -1 */
+    items[0].refined = items[1].refined = false; /* as the cache has it: of a flag */
     assert_int_equal(sv_cell_listing(items, 2, pitch, cells), 1);
     assert_int_equal(cells[0].count, 2);
 }
