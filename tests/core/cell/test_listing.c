@@ -102,7 +102,8 @@ static void none_and_wild(void **state)
     struct sv_cell_cache_item items[2];
     assert_int_equal(sv_cell_listing(NULL, 0, pitch, cells), 0);
     memset(items, 0xFF, sizeof items); /* NaN everywhere, a ring of -1 */
-    items[0].refined = items[1].refined = false; /* as the cache has it: of a flag */
+    for (int k = 0; k < 2; k++)
+        items[k].refined = items[k].building = false; /* as the cache has them: of flags */
     assert_int_equal(sv_cell_listing(items, 2, pitch, cells), 1);
     assert_int_equal(cells[0].count, 2);
 }
