@@ -577,7 +577,9 @@ static void error_towards_the_viewer(void **state)
                                           .has_viewer = true,
                                           .specular = 0.5f,
                                           .shininess = n & 1 ? 200 : 5};
-            struct sv_vec3 to = sv_direction(sv_rng_range(&rng, 0, 7), sv_rng_range(&rng, 0.1, 1.5));
+            /* one after the other: compilers differ in which argument of a call comes first */
+            double elevation = sv_rng_range(&rng, 0.1, 1.5), azimuth = sv_rng_range(&rng, 0, 7);
+            struct sv_vec3 to = sv_direction(azimuth, elevation);
             how.eye = sv_madd(sv_vec3((int)sv_rng_range(&rng, 0, 16) + 0.5, 0.5, 0), to, near);
             rows[k].error = fmax(rows[k].error, light_off(&light, &how, up, &rng));
         }
