@@ -4,8 +4,11 @@ if(TARGET sv_relief_lighting)
 endif()
 if(TARGET sv_relief_object AND TARGET sv_relief_warp AND TARGET sv_relief_bake AND TARGET sv_relief_shadow AND TARGET sv_truth)
   find_package(embree 3 REQUIRED)
-  sv_test(test_object SOURCES test_object.c ../../experiments/object_kit.c ../../experiments/object_truth.c
-          LIBS sv_relief_object embree LABELS "relief;gl")
+  add_library(sv_object_bodies STATIC object_bodies.c ../../experiments/object_kit.c ../../experiments/object_truth.c)
+  target_link_libraries(sv_object_bodies PUBLIC sv_relief_object embree PkgConfig::CMOCKA)
+  foreach(name test_object test_object_orbit test_object_kernels)
+    sv_test(${name} LIBS sv_object_bodies LABELS "relief;gl")
+  endforeach()
   sv_test(test_object_look SOURCES test_object_look.c ../../experiments/object_kit.c
           LIBS sv_relief_object LABELS "relief;gl")
   sv_test(test_object_casters LIBS sv_relief_object LABELS relief)
