@@ -481,8 +481,8 @@ static void pictures(void **state)
         struct sv_image m;
         struct sv_imagery_report r;
         struct sv_error error = {0};
-        assert_int_equal(sv_crs_create(rows[k].crs, &crs, NULL), SV_OK);
         struct sv_imagery_options o = {.path = data(rows[k].name)};
+        assert_int_equal(sv_crs_create(rows[k].crs, &crs, NULL), SV_OK);
         if (sv_imagery_read(&o, &f, crs, 8192, &m, &r, &error) != SV_OK)
             fail_msg("%s", error.message);
         if (r.rescaled != rows[k].rescaled || fabs(r.covered - rows[k].covered) > 0.004 ||
