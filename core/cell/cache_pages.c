@@ -15,8 +15,8 @@
 enum { LARGE = 2 << 20 };
 
 /* Reads every small page of [first, last) once as a process does that has not written it. A host that shadows page
- * tables backs a large page by small ones, which it maps one after the other (0.6 ms in all) for the first such reader, and
- * keeps for all others: that is better done by who builds. */
+ * tables backs a large page by small ones, which it maps one after the other (0.6 ms in all) for the first such
+ * reader, and keeps for all others: that is better done by who builds. */
 static void read_ahead(char *first, char *last)
 {
     size_t bytes = (size_t)(last - first);
