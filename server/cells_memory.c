@@ -7,15 +7,34 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+enum { LARGE = 2 << 20 }; /* bytes of a large page */
 static const int seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
+
+/* The whole file at a multiple of LARGE, where a large page of it can be mapped; MAP_FAILED. */
+static void *map_aligned(int fd, size_t bytes)
+{
+    size_t room = bytes + LARGE;
+    char *space = mmap(NULL, room, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (space == MAP_FAILED)
+        return MAP_FAILED;
+    size_t skip = (LARGE - (uintptr_t)space % LARGE) % LARGE, used = skip + (bytes + 4095) / 4096 * 4096;
+    void *memory = mmap(space + skip, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE | MAP_FIXED, fd, 0);
+    if (memory == MAP_FAILED)
+        used = skip = 0;
+    if (skip > 0)
+        munmap(space, skip);
+    if (used < room)
+        munmap(space + used, room - used);
+    return memory;
+}
 
 static enum sv_status map(int fd, struct sv_cells_memory *m, struct sv_error *error)
 {
-    void *memory = mmap(NULL, m->bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, fd, 0);
+    void *memory = map_aligned(fd, m->bytes);
     if (memory == MAP_FAILED)
         return sv_fail(error, SV_EIO, "cells", "mapping %zu bytes: %s", m->bytes, strerror(errno));
     /* A panel is 1,500 small pages, each mapped at a fault of its own in each worker; a few large ones where the system
-     * lets shared memory have them (shmem_enabled). */
+     * lets shared memory have them (shmem_enabled), or gives them when it is asked again (core/cell/cache_pages.c). */
     (void)madvise(memory, m->bytes, MADV_HUGEPAGE);
     m->memory = memory;
     return SV_OK;

@@ -255,6 +255,8 @@ bool sv_cell_cache_fit(struct sv_cell_cache *cache, unsigned slot, struct sv_cel
         fits = !e->doomed && take(cache, &order, bytes, now_s, panel);
     }
     unlock(cache);
+    if (fits)
+        sv_cache_enlarge_pages(cache, panel->data, bytes);
     return fits;
 }
 

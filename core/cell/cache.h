@@ -105,8 +105,9 @@ enum sv_cell_cache_answer sv_cell_cache_reserve(struct sv_cell_cache *cache, uns
                                                 bool refined, uint64_t generation, double now_s,
                                                 struct sv_cell_cache_panel *panel);
 /* Exchanges a reservation for one of that many bytes, whatever is in them: how many a panel takes is known when it is
- * drawn. False, and nothing is held any more, where there is no room for it, it was dropped meanwhile, or the slot does
- * not hold it. */
+ * drawn. Its bytes lie in large pages then, where the system has some and the block is mapped at a multiple of 2 MiB.
+ * False, and nothing is held any more, where there is no room for it, it was dropped meanwhile, or the slot does not
+ * hold it. */
 bool sv_cell_cache_fit(struct sv_cell_cache *cache, unsigned slot, struct sv_cell_cache_panel *panel, size_t bytes,
                        double now_s);
 /* The panel is complete: used_bytes (<= panel->bytes) of it are kept, the rest is free again. build_s: what

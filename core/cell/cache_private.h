@@ -90,6 +90,11 @@ bool sv_cache_make_room(struct sv_cell_cache *cache, uint64_t bytes, double now_
 /* Takes the piece into `order`; the entry's offset and bytes are set. */
 void sv_cache_order_add(struct sv_cell_cache *cache, uint32_t n);
 
+/* cache_pages.c. Asks the system for large pages under a piece that its builder alone holds and has not written; some
+ * of its bytes become 0. Those pages reach over others' pieces, which keep what is in them. Takes milliseconds: not
+ * under the lock. */
+void sv_cache_enlarge_pages(struct sv_cell_cache *cache, void *data, size_t bytes);
+
 /* cache_mend.c. Whether each entry alone is sound and no two pieces overlap; then whether what is derived
  * agrees. */
 bool sv_cache_sound(struct sv_cell_cache *cache);

@@ -235,7 +235,7 @@ static void draw(struct forest *forest, const struct sv_view_request *request,
 {
     struct sv_error error = {0};
     struct sv_draw_stats stats = {0};
-    if (sv_cell_cache_make(forest->cells, CACHE_BYTES, &SV_CELL_CACHE_OPTIONS_DEFAULT, &forest->cells,
+    if (sv_cell_cache_make(forest->cells.memory, CACHE_BYTES, &SV_CELL_CACHE_OPTIONS_DEFAULT, &forest->cells.cache,
                            &error) ||
         sv_renderer_draw(forest->renderer, request, view, picture, NULL, &stats, &error)) {
         fprintf(stderr, "%s: %s\n", error.field, error.message);
@@ -301,7 +301,7 @@ static void measure(struct forest *forest, const struct setup *setup, struct row
             *row = (struct row){.pitch = PITCHES[p]};
             view.plan.relief_pitch = PITCHES[p];
             draw(forest, &request, &view, &moved);
-            predict(forest->cells, &view.camera, &depths, row);
+            predict(forest->cells.cache, &view.camera, &depths, row);
             row->off = forest_compare(&moved.layer[SV_LAYER_COLOR], &own.layer[SV_LAYER_COLOR]).mean_abs;
             row->holes_seen = (double)sv_renderer_cells_report(forest->renderer)->hole_pixels /
                               ((double)request.width * request.height);
@@ -501,7 +501,7 @@ int main(int argc, char **argv)
     fprintf(csv, "scene,step,holes,ground_holes,shift,predicted,measured,holes_measured\n");
     struct weights weights = {0, 0};
     struct forest forest;
-    forest_use_cells(CACHE_BYTES, true);
+    forest_use_cells(CACHE_BYTES);
     forest_open(9000, false, &forest);
     run("fit", &forest, &setup, &weights, csv);
     if (setup.demo) {

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <time.h>
 
 #include "core/base/color.h"
@@ -60,27 +59,10 @@ double forest_median(double *values, int count)
 }
 
 static size_t cells_bytes;
-static bool large_pages;
 
-void forest_use_cells(size_t bytes, bool large)
+void forest_use_cells(size_t bytes)
 {
     cells_bytes = bytes;
-    large_pages = large;
-}
-
-static void make_cells(struct forest *forest)
-{
-    struct sv_error error = {0};
-    if (cells_bytes == 0)
-        return;
-    void *memory = mmap(NULL, cells_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (memory != MAP_FAILED && large_pages) /* as server/cells_memory.c */
-        (void)madvise(memory, cells_bytes, MADV_HUGEPAGE);
-    if (memory == MAP_FAILED ||
-        sv_cell_cache_make(memory, cells_bytes, &SV_CELL_CACHE_OPTIONS_DEFAULT, &forest->cells, &error)) {
-        fprintf(stderr, "cells: %s\n", error.message);
-        exit(1);
-    }
 }
 
 /* Reads the file at path, or parses text. */
@@ -101,9 +83,10 @@ static void open_scene(const char *path, const char *text, size_t bytes, bool tr
             fprintf(stderr, "%s: %s\n", errors.items[k].field, errors.items[k].message);
         exit(1);
     }
-    make_cells(forest);
+    if (cells_bytes > 0 && sv_cells_memory_make(cells_bytes, &forest->cells, &error))
+        die("cells", &error);
     struct sv_renderer_options render = {
-        .store = forest->store, .clock = forest_now_ms, .truth = truth, .cells = forest->cells};
+        .store = forest->store, .clock = forest_now_ms, .truth = truth, .cells = forest->cells.cache};
     if (sv_renderer_create(forest->scene, &render, &forest->renderer, &error))
         die("renderer", &error);
 }
@@ -127,8 +110,7 @@ void forest_close(struct forest *forest)
     sv_renderer_destroy(forest->renderer);
     sv_scene_destroy(forest->scene);
     sv_store_close(forest->store);
-    if (forest->cells)
-        munmap(forest->cells, cells_bytes);
+    sv_cells_memory_close(&forest->cells);
 }
 
 bool forest_is_free(const struct forest *forest, double x, double y, double clear_m)

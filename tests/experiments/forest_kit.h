@@ -6,8 +6,8 @@
 
 #include "core/base/store.h"
 #include "core/view/compare.h"
-#include "core/cell/cache.h"
 #include "core/view/renderer.h"
+#include "server/cells_memory.h"
 
 enum forest_eye { FOREST_OVERVIEW, FOREST_WALK };
 enum { FOREST_SIDE_M = 1000, FOREST_SPECIES = 5 };
@@ -16,12 +16,12 @@ struct forest {
     struct sv_store *store; /* folder SILVISTA_CACHE_DIR, or none */
     struct sv_scene *scene;
     struct sv_renderer *renderer;
-    struct sv_cell_cache *cells; /* NULL: none (forest_use_cells) */
+    struct sv_cells_memory cells; /* panels; cells.cache is NULL where there are none (forest_use_cells) */
 };
 
 /* Forests opened from now on draw from cells where a request has relief=on, with a cache of that many bytes (shared
  * with what is forked later); 0: they do not. */
-void forest_use_cells(size_t bytes, bool large);
+void forest_use_cells(size_t bytes);
 
 /* count trees; truth: the ray-cast structures are built, too. */
 void forest_open(uint32_t count, bool truth, struct forest *forest);

@@ -3,12 +3,12 @@
  *
  *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
- *               [--warm] [--still] [--parts] [--small-pages] [-o FOLDER]
+ *               [--warm] [--still] [--parts] [-o FOLDER]
  *
  * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
  * kinds at random. --warm: the path is gone along once before it is measured, by the process that workers are forked
- * from, and each worker draws one frame: what is measured maps panels that others have built, but makes nothing that a
- * process makes once. --still: the first pose again and again. --small-pages: the system is not asked for large ones.
+ * from, and each worker draws some frames: what is measured maps panels that others have built, but makes nothing that a
+ * process makes once, its heap included. --still: the first pose again and again.
  * --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. four: the ray cast of
  * four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the same by parts of
  * the picture (walk_parts.h).
@@ -23,6 +23,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -39,7 +40,7 @@ enum form { ON, AUTO, PAPER, OFF, RAYCAST, RAYCAST4, FORMS };
 static const char *const PATHS[] = {"flight", "walk", "jump"};
 static const char *const NAMES[] = {"on", "auto", "paper", "off", "raycast", "four"};
 #define FRAMES_PER_S 30.0
-enum { FRAMES_MAX = 4096, COUNTS_MAX = 16, WORKERS_MAX = 2, SHEET_COLUMNS = 6 };
+enum { FRAMES_MAX = 4096, COUNTS_MAX = 16, WORKERS_MAX = 2, WARM_FRAMES = 3, SHEET_COLUMNS = 6 };
 
 struct setup {
     uint32_t trees; /* of the count at hand */
@@ -49,7 +50,7 @@ struct setup {
     int frames, width, height, truth_stride, workers;
     int refine_samples, refine_scale; /* 0: panels stay as built */
     int panel;                        /* texels a side; 0: the scene's */
-    bool forms[FORMS], warm, still, parts, small_pages;
+    bool forms[FORMS], warm, still, parts;
     const char *folder;
 };
 
@@ -99,6 +100,7 @@ static void refine(const struct forest *forest, const struct setup *setup, struc
 /* One frame in one form; workers write them into memory that all share. */
 struct record {
     double ms, cpu_ms, stage_ms[SV_STAGE_COUNT];
+    long faults, preempted; /* times that a page was mapped, that another process was let run instead */
     double mean_abs, ssim, gradient; /* 0 unless compared */
     double holes, holes_left;        /* shares of the picture, of the ground's warp */
     struct sv_cell_use cell;
@@ -131,10 +133,15 @@ static void draw_frame(const struct forest *forest, const struct setup *setup, i
     struct sv_view_request request = pose(forest, setup, k);
     struct sv_picture picture;
     struct sv_draw_stats stats = {0};
+    struct rusage before, after;
     dress(&request, form);
     if (form == ON)
         refine(forest, setup, &request);
+    getrusage(RUSAGE_SELF, &before);
     forest_draw(forest, &request, &picture, &stats, &to->ms, &to->cpu_ms);
+    getrusage(RUSAGE_SELF, &after);
+    to->faults = after.ru_minflt - before.ru_minflt;
+    to->preempted = after.ru_nivcsw - before.ru_nivcsw;
     for (int stage = 0; stage < SV_STAGE_COUNT; stage++)
         to->stage_ms[stage] = forest_stage_ms((enum sv_stage)stage);
     to->cell = stats.cell;
@@ -169,7 +176,7 @@ static void draw_once(const struct forest *forest, const struct setup *setup, in
 
 static void work(const struct forest *forest, const struct setup *setup, int worker)
 {
-    if (setup->warm && setup->forms[ON])
+    for (int k = 0; k < WARM_FRAMES && setup->warm && setup->forms[ON]; k++)
         draw_once(forest, setup, worker);
     for (int k = worker; k < setup->frames; k += setup->workers) {
         struct sv_view_request request = pose(forest, setup, k);
@@ -285,9 +292,9 @@ static void write_rows(const struct setup *setup, FILE *csv)
             const struct record *r = &records[form][k];
             if (!setup->forms[form])
                 continue;
-            fprintf(csv, "%u,%s,%d,%s,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,%u,%u,%.6f,%.6f,%.4f,%.5f,%.4f\n",
-                    setup->trees, PATHS[setup->path], k, NAMES[form], r->ms, r->cpu_ms,
-                    r->stage_ms[SV_STAGE_CELL], r->stage_ms[SV_STAGE_WARP], r->stage_ms[SV_STAGE_NEAR],
+            fprintf(csv, "%u,%s,%d,%s,%.3f,%.3f,%ld,%ld,%.3f,%.3f,%.3f,%.3f,%u,%u,%.6f,%.6f,%.4f,%.5f,%.4f\n",
+                    setup->trees, PATHS[setup->path], k, NAMES[form], r->ms, r->cpu_ms, r->faults,
+                    r->preempted, r->stage_ms[SV_STAGE_CELL], r->stage_ms[SV_STAGE_WARP], r->stage_ms[SV_STAGE_NEAR],
                     r->stage_ms[SV_STAGE_COMPOSITE], r->cell.hits, r->cell.built, r->holes, r->holes_left,
                     r->mean_abs, r->ssim, r->gradient);
         }
@@ -473,16 +480,13 @@ int main(int argc, char **argv)
             setup.still = true;
         else if (strcmp(argv[k], "--parts") == 0)
             setup.parts = true;
-        else if (strcmp(argv[k], "--small-pages") == 0)
-            setup.small_pages = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
     if (!well) {
         fprintf(stderr, "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
                         "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
-                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] [--small-pages] "
-                        "[-o FOLDER]\n");
+                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";
@@ -500,10 +504,10 @@ int main(int argc, char **argv)
         return 1;
     }
     fprintf(csv,
-            "trees,path,frame,form,ms,processor_ms,cell_ms,warp_ms,near_ms,composite_ms,panels,built,holes,"
-            "holes_left,mean_abs,ssim,gradient\n");
+            "trees,path,frame,form,ms,processor_ms,faults,preempted,cell_ms,warp_ms,near_ms,composite_ms,panels,"
+            "built,holes,holes_left,mean_abs,ssim,gradient\n");
     static double rate[FORMS][COUNTS_MAX];
-    forest_use_cells((size_t)4 << 30, !setup.small_pages);
+    forest_use_cells((size_t)4 << 30);
     for (int k = 0; k < setup.count_count && well; k++) {
         double of[FORMS] = {0};
         setup.trees = setup.counts[k];
