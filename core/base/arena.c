@@ -16,6 +16,9 @@ struct sv_arena {
 };
 
 enum { ALIGN = 64, PAGE = 4096 };
+#ifndef MADV_POPULATE_WRITE /* Linux 5.14 */
+#define MADV_POPULATE_WRITE 23
+#endif
 
 enum sv_status sv_arena_create(size_t reserve_bytes, struct sv_arena **arena, struct sv_error *error)
 {
@@ -60,6 +63,15 @@ void *sv_arena_alloc(struct sv_arena *arena, size_t count, size_t size)
     void *p = arena->base + arena->used;
     size_t step = (bytes + ALIGN - 1) / ALIGN * ALIGN;
     arena->used = step > arena->reserve - arena->used ? arena->reserve : arena->used + step;
+    return p;
+}
+
+void *sv_arena_alloc_pages(struct sv_arena *arena, size_t count, size_t size)
+{
+    unsigned char *p = sv_arena_alloc(arena, count, size);
+    size_t before = (uintptr_t)p % PAGE;
+    if (p) /* where the system does not know how, they come one by one */
+        (void)madvise(p - before, count * size + before, MADV_POPULATE_WRITE);
     return p;
 }
 

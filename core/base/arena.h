@@ -19,6 +19,8 @@ void sv_arena_destroy(struct sv_arena *arena); /* NULL is legal; every pointer i
 /* Zeroed bytes aligned to 64; NULL when the reserve is used up, the arena is sealed, or count * size overflows.
  * Zero bytes give a valid pointer. */
 void *sv_arena_alloc(struct sv_arena *arena, size_t count, size_t size);
+/* The same of memory that is filled right away: its pages come at once, not by a fault each. */
+void *sv_arena_alloc_pages(struct sv_arena *arena, size_t count, size_t size);
 /* A copy of the bytes, or NULL as above. */
 void *sv_arena_copy(struct sv_arena *arena, const void *data, size_t bytes);
 

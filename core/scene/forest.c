@@ -182,7 +182,7 @@ static enum sv_status build_nodes(struct sv_forest *f, const struct extent *e,
     uint32_t leaves = 1;
     while ((uint64_t)leaves * SV_FOREST_LEAF < f->count)
         leaves *= 2;
-    struct sv_forest_node *nodes = sv_arena_alloc(arena, 2 * (size_t)leaves, sizeof *nodes);
+    struct sv_forest_node *nodes = sv_arena_alloc_pages(arena, 2 * (size_t)leaves, sizeof *nodes);
     if (!nodes)
         return sv_fail(error, SV_ENOMEM, "trees", "no room for the hierarchy of %u trees", f->count);
     f->origin = sv_vec3(ORIGIN_XY_M * round(0.5 * (e->min[0] + e->max[0]) / ORIGIN_XY_M),
@@ -229,20 +229,49 @@ enum sv_status sv_forest_build(struct sv_tree *trees, uint32_t count, const stru
     return status;
 }
 
-/* Trees of both in one order; come's are younger. Nobody writes beyond count. */
-static void merge(const struct sv_forest_turnover *t, struct sv_tree *out, uint32_t count, uint32_t *from)
+/* The first of the trees, from `first` on, whose key is above it. */
+static uint32_t first_above(const struct sv_forest *f, uint32_t first, uint64_t key)
 {
-    const struct sv_forest *old = t->old;
-    uint32_t i = 0, j = 0;
-    uint64_t next = t->come_count ? key_of(&t->come[0]) : 0;
-    for (uint32_t k = 0; k < count; k++) {
-        while (i < old->count && t->gone[i])
-            i++;
-        bool stays = i < old->count && (j == t->come_count || key_of(&old->trees[i]) <= next);
-        out[k] = stays ? old->trees[i] : t->come[j];
-        from[k] = stays ? i++ : SV_FOREST_CAME;
-        if (!stays && ++j < t->come_count)
-            next = key_of(&t->come[j]);
+    uint32_t end = f->count;
+    while (first < end) {
+        uint32_t middle = first + (end - first) / 2;
+        if (key_of(&f->trees[middle]) > key)
+            end = middle;
+        else
+            first = middle + 1;
+    }
+    return first;
+}
+
+/* Trees first .. end - 1 of the old ones, without those that go; returns how many those are. */
+static uint32_t copy_stretch(const struct sv_forest_turnover *t, uint32_t first, uint32_t end,
+                             struct sv_tree *out, uint32_t *from)
+{
+    uint32_t count = 0;
+    while (first < end) {
+        const uint8_t *gone = memchr(t->gone + first, 1, end - first);
+        uint32_t stop = gone ? (uint32_t)(gone - t->gone) : end, n = stop - first;
+        memcpy(out + count, t->old->trees + first, n * sizeof *out);
+        for (uint32_t k = 0; k < n; k++)
+            from[count + k] = first + k;
+        count += n;
+        first = stop + 1;
+    }
+    return count;
+}
+
+/* Trees of both in one order; come's are younger. Stretches of the old ones stay together. */
+static void merge(const struct sv_forest_turnover *t, struct sv_tree *out, uint32_t *from)
+{
+    uint32_t first = 0, count = 0;
+    for (uint32_t j = 0; j <= t->come_count; j++) {
+        uint32_t end = j < t->come_count ? first_above(t->old, first, key_of(&t->come[j])) : t->old->count;
+        count += copy_stretch(t, first, end, out + count, from + count);
+        first = end;
+        if (j < t->come_count) {
+            out[count] = t->come[j];
+            from[count++] = SV_FOREST_CAME;
+        }
     }
 }
 
@@ -254,7 +283,7 @@ enum sv_status sv_forest_turn_over(const struct sv_forest_turnover *t, const str
     struct extent e;
     extent_init(&e);
     for (uint32_t k = 0; k < t->old->count; k++)
-        stay += !t->gone[k];
+        stay += t->gone[k] == 0;
     struct sv_forest f = {.count = stay + t->come_count};
     enum sv_status status = check_count((uint64_t)stay + t->come_count, error);
     if (status == SV_OK)
@@ -262,11 +291,11 @@ enum sv_status sv_forest_turn_over(const struct sv_forest_turnover *t, const str
     if (status == SV_OK)
         status = sort_trees(t->come, t->come_count, error);
     struct sv_tree *trees =
-        status == SV_OK && f.count > 0 ? sv_arena_alloc(arena, f.count, sizeof *trees) : NULL;
+        status == SV_OK && f.count > 0 ? sv_arena_alloc_pages(arena, f.count, sizeof *trees) : NULL;
     if (status == SV_OK && f.count > 0 && !trees)
         status = sv_fail(error, SV_ENOMEM, "trees", "no room for %u trees", f.count);
     if (status == SV_OK && f.count > 0) {
-        merge(t, trees, f.count, from);
+        merge(t, trees, from);
         f.trees = trees;
         extent_init(&e);
         status = measure(trees, f.count, &e, error);

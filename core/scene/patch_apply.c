@@ -149,12 +149,14 @@ static void commit(struct sv_patching *p)
                         : s->loaded_version;
 }
 
-/* The numbers that come next: after all that were ever given. */
+/* The numbers that come next: after all that were ever given. A scene that was patched knows them. */
 static void find_next(struct sv_patching *p)
 {
     const struct sv_scene *s = p->scene;
     p->next_tree = s->next_tree;
     p->next_object = s->next_object;
+    if (s->generation > 0)
+        return;
     for (uint32_t k = 0; k < s->forest.count; k++)
         if (s->forest.trees[k].number >= p->next_tree)
             p->next_tree = s->forest.trees[k].number + 1;

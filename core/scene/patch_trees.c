@@ -198,6 +198,14 @@ static bool build_species(struct sv_patching *p, int k, struct sv_species *s)
     return status == SV_OK;
 }
 
+/* The first tree from k on that goes; the forest's count where there is none. */
+static uint32_t next_gone(const struct sv_patching *p, uint32_t k)
+{
+    uint32_t count = p->scene->forest.count;
+    const uint8_t *gone = k < count ? memchr(p->gone + k, 1, count - k) : NULL;
+    return gone ? (uint32_t)(gone - p->gone) : count;
+}
+
 /* Counts of now, and meshes of those that get their first tree. */
 static bool count_species(struct sv_patching *p)
 {
@@ -209,8 +217,8 @@ static bool count_species(struct sv_patching *p)
         return fail(p, SV_ENOMEM, "trees", "no memory for the species");
     if (bytes > 0)
         memcpy(p->species, s->species, bytes);
-    for (uint32_t k = 0; k < s->forest.count; k++)
-        p->species[s->forest.trees[k].species].tree_count -= p->gone[k];
+    for (uint32_t k = next_gone(p, 0); k < s->forest.count; k = next_gone(p, k + 1))
+        p->species[s->forest.trees[k].species].tree_count--;
     for (uint32_t k = 0; k < p->come_count; k++)
         p->species[p->come[k].species].tree_count++;
     for (int k = 0; k < s->species_count; k++)
@@ -232,8 +240,8 @@ static bool list_gone(struct sv_patching *p)
 {
     const struct sv_forest *f = &p->scene->forest;
     uint32_t *count = &p->delta.change.trees_removed;
-    for (uint32_t k = 0; k < f->count; k++)
-        *count += p->gone[k];
+    for (uint32_t k = next_gone(p, 0); k < f->count; k = next_gone(p, k + 1))
+        ++*count;
     size_t changed = (size_t)*count + p->come_count;
     struct sv_change_box *boxes = realloc(p->boxes, (p->box_count + changed + 1) * sizeof *boxes);
     if (boxes)
@@ -242,9 +250,8 @@ static bool list_gone(struct sv_patching *p)
     if (!boxes || !p->delta.gone)
         return fail(p, SV_ENOMEM, "trees", "no memory to change them");
     *count = 0;
-    for (uint32_t k = 0; k < f->count; k++)
-        if (p->gone[k])
-            p->delta.gone[(*count)++] = f->trees[k];
+    for (uint32_t k = next_gone(p, 0); k < f->count; k = next_gone(p, k + 1))
+        p->delta.gone[(*count)++] = f->trees[k];
     qsort(p->delta.gone, *count, sizeof *p->delta.gone, compare_numbers);
     const struct sv_tree *lists[2] = {p->delta.gone, p->come};
     const uint32_t counts[2] = {*count, p->come_count};

@@ -132,21 +132,29 @@ static void fill(struct sv_shadow_pages *pages, int slot)
     pages->filled++;
 }
 
+/* The slot of a page of the scene in use, or NONE. */
+static int find_slot(struct sv_shadow_pages *pages, int level, int i, int j)
+{
+    uint64_t key = pages->scene.key;
+    for (int k = *bucket_of(pages, key, level, i, j); k != NONE; k = pages->slots[k].next) {
+        const struct slot *s = &pages->slots[k];
+        if (s->i == i && s->j == j && s->level == level && s->key == key)
+            return k;
+    }
+    return NONE;
+}
+
 uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, int j)
 {
     uint64_t key = pages->scene.key;
-    int *bucket = bucket_of(pages, key, level, i, j), k = *bucket;
+    int k = find_slot(pages, level, i, j);
     pages->clock++;
-    while (k != NONE) {
-        struct slot *s = &pages->slots[k];
-        if (s->i == i && s->j == j && s->level == level && s->key == key) {
-            s->used = pages->clock;
-            return (uint32_t)k * TEXELS;
-        }
-        k = s->next;
+    if (k != NONE) {
+        pages->slots[k].used = pages->clock;
+        return (uint32_t)k * TEXELS;
     }
     k = free_slot(pages);
-    bucket = bucket_of(pages, key, level, i, j);
+    int *bucket = bucket_of(pages, key, level, i, j);
     pages->slots[k] = (struct slot){key, pages->clock, level, i, j, *bucket};
     *bucket = k;
     fill(pages, k);
@@ -220,7 +228,16 @@ static double body_ns(const struct sv_shadow_scene *scene, int level, int pages)
            TEXEL_NS * texels;
 }
 
-int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters)
+/* Pages of a level of w * h that are not there. */
+static int count_missing(struct sv_shadow_pages *pages, int level, int w, int h)
+{
+    int missing = 0;
+    for (int k = 0; k < w * h; k++)
+        missing += find_slot(pages, level, k % w, k / w) == NONE;
+    return missing;
+}
+
+int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters, double most_s)
 {
     const struct sv_heightfield *f = pages->scene.field;
     double size_x = (f->width - 1) * f->dx, size_y = (f->height - 1) * f->dy, ns = 0;
@@ -229,9 +246,12 @@ int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters)
         int w = pages_across(size_x, level - 1), h = pages_across(size_y, level - 1);
         if (w * h == 1)
             continue;
-        ns += casters * body_ns(&pages->scene, level - 1, w * h);
         count += w * h;
-        if (count > SV_SHADOW_PAGES_WHOLE || ns > 1e9 * SV_SHADOW_PAGES_WHOLE_S)
+        if (count > SV_SHADOW_PAGES_WHOLE)
+            break;
+        ns += casters * body_ns(&pages->scene, level - 1, w * h) * count_missing(pages, level - 1, w, h) /
+              (w * h);
+        if (ns > 1e9 * most_s)
             break;
         for (int k = 0; k < w * h; k++)
             (void)sv_shadow_pages_want(pages, level - 1, k % w, k / w);

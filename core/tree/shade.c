@@ -209,6 +209,14 @@ enum sv_status sv_tree_shade_update(struct sv_tree_shade *shade, struct sv_vec3 
     return SV_OK;
 }
 
+bool sv_tree_shade_keeps(const struct sv_tree_shade *shade, struct sv_vec3 to_sun)
+{
+    for (int k = 0; k < SV_SHADE_SUNS; k++)
+        if (shade->suns[k].used && same(shade->suns[k].axes.to_sun, to_sun))
+            return true;
+    return false;
+}
+
 /* ---- a change of the forest ---- */
 
 /* Species that have come get silhouettes under the sun. */
@@ -233,19 +241,25 @@ static enum sv_status carry_lights(const struct sv_tree_shade *shade, struct sv_
                                    const uint32_t *from, struct sv_error *error)
 {
     uint32_t count = shade->forest->count;
-    struct sv_tree_light *lights = calloc((size_t)count + 1, sizeof *lights);
+    struct sv_tree_light *lights = malloc(((size_t)count + 1) * sizeof *lights);
     if (!lights)
         return sv_fail(error, SV_ENOMEM, "trees", "no memory for the light on %u trees", count);
-    for (uint32_t k = 0; k < count; k++)
-        if (from[k] != SV_FOREST_CAME)
-            lights[k] = sun->lights[from[k]];
+    for (uint32_t k = 0, n; k < count; k += n) { /* stretches of trees stayed together */
+        for (n = 1; k + n < count && from[k] != SV_FOREST_CAME && from[k + n] == from[k] + n;)
+            n++;
+        if (from[k] == SV_FOREST_CAME)
+            lights[k] = (struct sv_tree_light){{{0}}};
+        else
+            memcpy(&lights[k], &sun->lights[from[k]], n * sizeof *lights);
+    }
     free(sun->lights);
     sun->lights = lights;
     return SV_OK;
 }
 
 static enum sv_status change_sun(struct sv_tree_shade *shade, const struct sv_tree_shade_change *change,
-                                 const bool *is_new, struct sv_shade_sun *sun, struct sv_error *error)
+                                 const bool *is_new, struct sv_shade_sun *sun, bool *left,
+                                 struct sv_error *error)
 {
     struct sv_shade_terrain terrain = {change->ground, change->ground_context};
     enum sv_status status = see_new_species(shade, is_new, sun, error);
@@ -253,7 +267,7 @@ static enum sv_status change_sun(struct sv_tree_shade *shade, const struct sv_tr
         status = carry_lights(shade, sun, change->from, error);
     return status ? status
                   : sv_shade_stand_again(shade, sun, &terrain, change->gone, change->gone_count, change->from,
-                                         error);
+                                         change->most, left, error);
 }
 
 enum sv_status sv_tree_shade_change(struct sv_tree_shade *shade, const struct sv_tree_shade_change *change,
@@ -275,10 +289,10 @@ enum sv_status sv_tree_shade_change(struct sv_tree_shade *shade, const struct sv
     shade->dark = false;
     for (int k = 0; k < SV_SHADE_SUNS; k++) {
         struct sv_shade_sun *sun = &shade->suns[k];
-        bool kept = !status && sun->used && same(sun->axes.to_sun, change->to_sun);
+        bool kept = !status && sun->used && same(sun->axes.to_sun, change->to_sun), left = false;
         if (kept)
-            status = change_sun(shade, change, is_new, sun, error);
-        if (kept && !status)
+            status = change_sun(shade, change, is_new, sun, &left, error);
+        if (kept && !left && !status)
             shade->current = sun;
         else
             finish_sun(sun, shade->species_count);

@@ -89,16 +89,20 @@ struct sv_tree_shade_change {
         to_sun; /* whose light is carried over, if it is one of those kept; the others are dropped */
     sv_shade_ground ground;
     void *ground_context;
+    uint32_t most; /* of more trees the light is not found again: that sun is dropped, too */
 };
 
 /* Finds the light of one sun again where the change can be felt: tens of milliseconds at a million trees. It
  * is what an update would give that knows nothing of before, except when the change makes the number of tiles
  * pass the bound at which the picture of light is made coarser; and all trees are taken again when a step of
- * its texel's size is passed. That sun is current then, none if it was not kept. SV_ENOMEM, SV_EINVAL (the
+ * its texel's size is passed. That sun is current then, none if it was not kept or is dropped. SV_ENOMEM, SV_EINVAL (the
  * shade is of no use then). */
 SV_MUST_CHECK enum sv_status sv_tree_shade_change(struct sv_tree_shade *shade,
                                                   const struct sv_tree_shade_change *change,
                                                   struct sv_error *error);
+
+/* Whether the sun at to_sun is one of those that are kept: an update for it is free. */
+bool sv_tree_shade_keeps(const struct sv_tree_shade *shade, struct sv_vec3 to_sun);
 
 /* An sv_shadow_caster (context: the sv_tree_shade): casts every tree whose shadow can fall on the window.
  * Nothing before the first update, and at night. */

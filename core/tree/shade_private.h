@@ -87,10 +87,12 @@ struct sv_shade_terrain {
 SV_MUST_CHECK enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
                                             const struct sv_shade_terrain *terrain, struct sv_error *error);
 /* The same after a change, of lights that are those of before where a tree was there (from, as
- * sv_forest_turn_over gives it); gone: trees that stood there. */
+ * sv_forest_turn_over gives it); gone: trees that stood there. *left: that would take more than `most` trees again;
+ * the lights are of no use then. */
 SV_MUST_CHECK enum sv_status sv_shade_stand_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
                                                   const struct sv_shade_terrain *terrain,
                                                   const struct sv_tree *gone, uint32_t gone_count,
-                                                  const uint32_t *from, struct sv_error *error);
+                                                  const uint32_t *from, uint32_t most, bool *left,
+                                                  struct sv_error *error);
 
 #endif

@@ -511,7 +511,8 @@ static void choose_trees(const struct sv_tree_shade *shade, const struct sv_shad
 
 static enum sv_status take_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
                                  const struct sv_shade_terrain *terrain, const struct sv_tree *const lists[2],
-                                 const uint32_t counts[2], struct canvas *c, struct sv_error *error)
+                                 const uint32_t counts[2], struct canvas *c, uint32_t most, bool *left,
+                                 struct sv_error *error)
 {
     size_t trees = shade->forest->count;
     uint8_t *wanted = malloc(trees);
@@ -530,11 +531,13 @@ static enum sv_status take_again(const struct sv_tree_shade *shade, struct sv_sh
         }
     if (!status) {
         choose_trees(shade, sun, c, wanted, which, &count);
-        status = alloc_light(c, error);
+        *left = count > most;
     }
-    if (!status)
+    if (!status && !*left)
+        status = alloc_light(c, error);
+    if (!status && !*left)
         status = order(shade, sun, which, count, &entries, &block, error);
-    if (!status)
+    if (!status && !*left)
         pass(shade, sun, terrain, c, entries, 2 * count, wanted);
     free(block);
     free(which);
@@ -542,13 +545,24 @@ static enum sv_status take_again(const struct sv_tree_shade *shade, struct sv_sh
     return status;
 }
 
+/* All of them are taken again. */
+static enum sv_status stand_anew(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                                 const struct sv_shade_terrain *terrain, uint32_t most, bool *left,
+                                 struct sv_error *error)
+{
+    *left = shade->forest->count > most;
+    return *left ? SV_OK : sv_shade_stand(shade, sun, terrain, error);
+}
+
 enum sv_status sv_shade_stand_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
                                     const struct sv_shade_terrain *terrain, const struct sv_tree *gone,
-                                    uint32_t gone_count, const uint32_t *from, struct sv_error *error)
+                                    uint32_t gone_count, const uint32_t *from, uint32_t most, bool *left,
+                                    struct sv_error *error)
 {
     uint32_t count = shade->forest->count, came = 0;
+    *left = false;
     if (count == 0 || sun->fitted != fitting_texel(shade))
-        return sv_shade_stand(shade, sun, terrain, error);
+        return stand_anew(shade, sun, terrain, most, left, error);
     for (uint32_t k = 0; k < count; k++)
         came += from[k] == SV_FOREST_CAME;
     struct sv_tree *come = malloc((came + (size_t)1) * sizeof *come);
@@ -565,8 +579,8 @@ enum sv_status sv_shade_stand_again(const struct sv_tree_shade *shade, struct sv
     if (came || gone_count) {
         reach_of_change(shade, sun, lists, counts, &canvas);
         status = (uint64_t)canvas.tiles_x * canvas.tiles_y > GRID_MAX
-                     ? sv_shade_stand(shade, sun, terrain, error)
-                     : take_again(shade, sun, terrain, lists, counts, &canvas, error);
+                     ? stand_anew(shade, sun, terrain, most, left, error)
+                     : take_again(shade, sun, terrain, lists, counts, &canvas, most, left, error);
     }
     canvas_finish(&canvas);
     free(come);

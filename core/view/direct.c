@@ -135,7 +135,7 @@ static enum sv_status prepare_shadows(struct sv_direct *r, const struct sv_resol
     return *shadows ? use_shadows(r, frame->light.to_sun, view->plan.draw_trees, error) : SV_OK;
 }
 
-enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, struct sv_error *error)
+enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, double most_s, struct sv_error *error)
 {
     struct sv_light light;
     sv_light_from_sun(&direct->scene->sun, &light);
@@ -144,7 +144,7 @@ enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, struct sv_error 
     enum sv_status status = use_shadows(direct, light.to_sun, true, error);
     if (!status)
         (void)sv_shadow_pages_fill_whole(direct->pages,
-                                         (double)direct->scene->forest.count + direct->scene->object_count);
+                                         (double)direct->scene->forest.count + direct->scene->object_count, most_s);
     return status;
 }
 

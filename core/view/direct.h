@@ -20,11 +20,11 @@ struct sv_object_draw;
 SV_MUST_CHECK enum sv_status sv_direct_create(const struct sv_scene *scene, struct sv_store *store,
                                               struct sv_direct **direct, struct sv_error *error);
 void sv_direct_destroy(struct sv_direct *direct); /* NULL is legal */
-/* As sv_renderer_warm_shadows. */
-SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, struct sv_error *error);
+/* As sv_renderer_warm_shadows, where it takes no longer than about most_s on one core. */
+SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, double most_s, struct sv_error *error);
 
-/* As sv_renderer_change: the scene has changed in place. The light of a new sun at more than
- * SV_DIRECT_SUN_TREES trees is left to the first view that wants it. */
+/* As sv_renderer_change: the scene has changed in place. Light that has to be found again at
+ * more than SV_DIRECT_SUN_TREES trees is left to the first view that wants it. */
 enum { SV_DIRECT_SUN_TREES = 300000 };
 SV_MUST_CHECK enum sv_status sv_direct_change(struct sv_direct *direct, const struct sv_scene_delta *delta,
                                               struct sv_store *store, struct sv_error *error);

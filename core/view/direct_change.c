@@ -9,6 +9,9 @@
 
 #include "core/view/direct_private.h"
 
+/* For pages of shadow before a changed scene draws: what takes longer is left to the views that see it. */
+static const double SHADOWS_S = 0.15;
+
 static struct sv_vec3 scene_sun(const struct sv_direct *r)
 {
     struct sv_light light;
@@ -32,7 +35,8 @@ static enum sv_status change_shade(struct sv_direct *r, const struct sv_scene_de
                                           .from = delta->from,
                                           .to_sun = scene_sun(r),
                                           .ground = sv_shadow_height_at,
-                                          .ground_context = &r->scene_sun.terrain};
+                                          .ground_context = &r->scene_sun.terrain,
+                                          .most = SV_DIRECT_SUN_TREES};
     enum sv_status status = sv_tree_shade_change(r->shade, &change, error);
     free(species);
     return status;
@@ -76,6 +80,13 @@ static void drop_pages(struct sv_direct *r, const struct sv_scene_delta *delta)
                          &r->scene->terrain.field, boxes, change->box_count);
 }
 
+/* Whether the scene's own sun shines on its trees already, or soon would. */
+static bool lights_trees(const struct sv_direct *r)
+{
+    return r->scene->forest.count <= SV_DIRECT_SUN_TREES ||
+           (r->shade && sv_tree_shade_keeps(r->shade, scene_sun(r)));
+}
+
 enum sv_status sv_direct_change(struct sv_direct *r, const struct sv_scene_delta *delta,
                                 struct sv_store *store, struct sv_error *error)
 {
@@ -86,12 +97,12 @@ enum sv_status sv_direct_change(struct sv_direct *r, const struct sv_scene_delta
         sv_object_draw_forget_trees(r->objects);
     if (!status && delta->trees)
         status = change_trees(r, delta, store, error);
+    bool light = lights_trees(r);
     if (!status)
-        status =
-            sv_direct_make_sun(r, !delta->change.sun || r->scene->forest.count <= SV_DIRECT_SUN_TREES, error);
+        status = sv_direct_make_sun(r, light, error);
     if (!status)
         drop_pages(r, delta);
-    if (!status && !delta->change.sun)
-        status = sv_direct_warm_shadows(r, error);
+    if (!status && !delta->change.sun && light)
+        status = sv_direct_warm_shadows(r, SHADOWS_S, error);
     return status;
 }

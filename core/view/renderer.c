@@ -10,6 +10,7 @@
 #include "core/view/cells_paper.h"
 #include "core/view/cells_refine.h"
 #include "core/view/direct.h"
+#include "core/terrain/shadow_page.h"
 #include "core/truth/truth.h"
 
 struct sv_renderer {
@@ -111,7 +112,7 @@ enum sv_status sv_renderer_refine_cells(struct sv_renderer *renderer, const stru
 
 enum sv_status sv_renderer_warm_shadows(struct sv_renderer *renderer, struct sv_error *error)
 {
-    return sv_direct_warm_shadows(renderer->direct, error);
+    return sv_direct_warm_shadows(renderer->direct, SV_SHADOW_PAGES_WHOLE_S, error);
 }
 
 static enum sv_status change_truth(struct sv_renderer *r, const struct sv_scene_delta *delta,

@@ -86,7 +86,7 @@ static void open_bench(struct bench *b, uint32_t trees, int size)
     struct sv_shadow_scene casting = scene_of(b);
     sv_shadow_pages_use(b->pages, &casting);
     since = processor_ms();
-    int level = sv_shadow_pages_fill_whole(b->pages, trees);
+    int level = sv_shadow_pages_fill_whole(b->pages, trees, SV_SHADOW_PAGES_WHOLE_S);
     printf("%6u trees: shadows on all of the ground, texels of %g m: %.1f ms\n", trees,
            ldexp(SV_SHADOW_PAGE_TEXEL_M, level), processor_ms() - since);
     must(sv_gl_target_create(size, size, 1u << SV_LAYER_COLOR, &b->target, &error), "target", &error);

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "tests/experiments/tree_forms.h"
 
@@ -64,8 +65,11 @@ bool tree_options_parse(int argc, char **argv, struct tree_options *options)
         .models = "../shared/data/models", .views = 4, .samples = 64, .distances = TREE_OPTIONS_DISTANCES};
     memset(options->trees, 1, sizeof options->trees);
     memset(options->forms, 1, sizeof options->forms);
-    if (parse(argc, argv, options))
+    if (parse(argc, argv, options)) {
+        if (options->out)
+            mkdir(options->out, 0777); /* may be there */
         return true;
+    }
     fprintf(stderr,
             "usage: %s [-o DIR] [--trees NAME,...] [--forms NAME,...] [--views 1..%d] [--distances 1..%d] "
             "[--samples 1|4|16|64] [--store DIR] [--models DIR]\n",

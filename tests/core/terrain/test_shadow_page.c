@@ -218,7 +218,7 @@ static void whole_levels(void **state)
     int before = -1;
     for (double casters = 0; casters < 1e7; casters = casters * 30 + BODIES) {
         struct sv_shadow_pages *pages = make_pages(1);
-        int level = sv_shadow_pages_fill_whole(pages, casters);
+        int level = sv_shadow_pages_fill_whole(pages, casters, SV_SHADOW_PAGES_WHOLE_S);
         uint64_t filled = sv_shadow_pages_filled(pages);
         assert_true(level >= before && filled <= SV_SHADOW_PAGES_WHOLE);
         before = level;
@@ -232,6 +232,25 @@ static void whole_levels(void **state)
         sv_shadow_pages_destroy(pages);
     }
     assert_true(before > 2);
+}
+
+/* After a change only what it dropped is filled again, and that only where there is time for it. */
+static void whole_levels_again(void **state)
+{
+    (void)state;
+    struct sv_shadow_pages *pages = make_pages(1);
+    int level = sv_shadow_pages_fill_whole(pages, BODIES, SV_SHADOW_PAGES_WHOLE_S);
+    uint64_t filled = sv_shadow_pages_filled(pages);
+    assert_true(filled > 20);
+    assert_int_equal(sv_shadow_pages_fill_whole(pages, 1e9, 0), level); /* nothing is missing */
+    const struct sv_vec3 p = places[0];
+    struct sv_shadow_box box = {{p.x - 1, p.y - 1, p.z}, {p.x + 1, p.y + 1, p.z + 5}};
+    sv_shadow_pages_drop(pages, 1, sun.to_sun, &field, &box, 1);
+    assert_true(sv_shadow_pages_fill_whole(pages, 1e9, 1e-3) > level);
+    assert_int_equal(sv_shadow_pages_filled(pages), filled);
+    assert_int_equal(sv_shadow_pages_fill_whole(pages, BODIES, SV_SHADOW_PAGES_WHOLE_S), level);
+    assert_in_range(sv_shadow_pages_filled(pages) - filled, 1, filled / 2);
+    sv_shadow_pages_destroy(pages);
 }
 
 /* Shadows of a low sun are longer, and reach more pages: fewer are cast at once. */
@@ -249,7 +268,7 @@ static void whole_levels_of_a_low_sun(void **state)
         struct sv_shadow_scene lit = scene(1);
         lit.terrain = suns[k];
         sv_shadow_pages_use(pages, &lit);
-        level[k] = sv_shadow_pages_fill_whole(pages, 3e5);
+        level[k] = sv_shadow_pages_fill_whole(pages, 3e5, SV_SHADOW_PAGES_WHOLE_S);
         filled[k] = sv_shadow_pages_filled(pages);
         sv_shadow_pages_destroy(pages);
     }
@@ -266,6 +285,7 @@ int main(void)
         cmocka_unit_test(the_least_lately_used_gives_way),
         cmocka_unit_test(finest_level),
         cmocka_unit_test(whole_levels),
+        cmocka_unit_test(whole_levels_again),
         cmocka_unit_test(whole_levels_of_a_low_sun),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
