@@ -73,6 +73,7 @@ struct sv_cell_cache_label {
     struct sv_cell_key_parts parts;
     struct sv_cell_shell shell;
     struct sv_cell_light light;
+    double pitch; /* of the lattice that the place is on (lattice.h) */
 };
 
 /* A panel as its reader or builder holds it. */

@@ -346,7 +346,10 @@ static void inverse_set(const struct sv_crown_source *source, struct sv_crown_in
     inverse_row(column[0], column[1], 1 / det, row[2]);
     for (int k = 0; k < 3; k++)
         g[k] = row[k][0] * column[2][0] + row[k][1] * column[2][1] + row[k][2] * column[2][2];
-    *v = (struct sv_crown_inverse){.layer = source->layer, .legal = isfinite(1 / det)};
+    *v = (struct sv_crown_inverse){.layer = source->layer,
+                                     .legal = isfinite(1 / det),
+                                     .steep = source->steep,
+                                     .early = 0.5f * source->steep - 0.5f};
     for (int k = 0; k < 3; k++) {
         double scale = k == 0 ? half : k == 1 ? -half : 1;
         v->dx[k] = (float)(scale * row[k][0]);

@@ -47,6 +47,10 @@ enum { SV_CROWN_SOURCES_MAX = 12, SV_CROWN_HALF_MAX = 8, SV_CROWN_REACH = 2 };
 /* Weights between texels rise from 0 to 1 that many times as fast about the middle as bilinear ones. At a texel a pixel
  * bilinear ones (1) leave 0.66 of a forest's gradient energy and nearest ones stagger. */
 #define SV_CROWN_STEEP 2.0f
+/* The same of texels that are means of many samples (core/view/panels_refine.h): they are as soft as pixels already. One
+ * flight of 5,000 trees, 16 samples a texel, against 64 a pixel: 2 is off by 3.38 of 255 in the mean, SSIM 0.910,
+ * gradient energy 1.26; 1.4 by 3.13, 0.918, 1.13; 1 by 2.90, 0.927, 0.98. A ray cast of four samples: 5.15, 0.843, 2.35. */
+#define SV_CROWN_STEEP_REFINED 1.0f
 #define SV_CROWN_GROW (1.0f / 64)
 #define SV_CROWN_SAME 0.1f
 /* Pixels that let less light through are done. */
@@ -54,6 +58,7 @@ enum { SV_CROWN_SOURCES_MAX = 12, SV_CROWN_HALF_MAX = 8, SV_CROWN_REACH = 2 };
 
 struct sv_crown_source {
     const struct sv_panel_layer *layer;
+    float steep;    /* >= 1: SV_CROWN_STEEP, SV_CROWN_STEEP_REFINED */
     double m[4][4]; /* rows x, y, d, w; columns xs, ys, q, 1 */
 };
 

@@ -337,10 +337,9 @@ static inline __m256i colors_at(const struct sv_crown_inverse *s, __m256i i, __m
     return _mm256_add_epi32(first, at);
 }
 
-static inline __m256 steepen(__m256 weight)
+static inline __m256 steepen(const struct sv_crown_inverse *s, __m256 weight)
 {
-    __m256 w = _mm256_sub_ps(_mm256_mul_ps(weight, _mm256_set1_ps(SV_CROWN_STEEP)),
-                             _mm256_set1_ps(0.5f * SV_CROWN_STEEP - 0.5f));
+    __m256 w = _mm256_sub_ps(_mm256_mul_ps(weight, _mm256_set1_ps(s->steep)), _mm256_set1_ps(s->early));
     return clamp(w, _mm256_set1_ps(1));
 }
 
@@ -364,12 +363,12 @@ static inline struct place locate(const struct sv_crown_inverse *s, __m256i texe
     __m256i last = _mm256_set1_epi32(s->layer->size - 2);
     __m256i i = _mm256_min_epi32(_mm256_cvttps_epi32(u), last),
             j = _mm256_min_epi32(_mm256_cvttps_epi32(v), last);
-    __m256 fu = steepen(_mm256_sub_ps(u, _mm256_cvtepi32_ps(i)));
+    __m256 fu = steepen(s, _mm256_sub_ps(u, _mm256_cvtepi32_ps(i)));
     __m256i w = _mm256_cvttps_epi32(_mm256_mul_ps(fu, _mm256_set1_ps(256)));
     struct place place;
     place.color = colors_at(s, i, j);
     place.across = _mm256_or_si256(_mm256_slli_epi32(w, 16), _mm256_sub_epi32(_mm256_set1_epi32(256), w));
-    place.along = steepen(_mm256_sub_ps(v, _mm256_cvtepi32_ps(j)));
+    place.along = steepen(s, _mm256_sub_ps(v, _mm256_cvtepi32_ps(j)));
     return place;
 }
 

@@ -86,6 +86,7 @@ struct sv_crown_inverse {
     const struct sv_panel_layer *layer;
     bool legal;
     float at[3], dx[3], dy[3];
+    float steep, early; /* a weight w between texels becomes w steep - early, held to 0 .. 1 */
     float gw, gu, gv, middle, last; /* middle: (size - 1) / 2; last: size - 1 */
     int side;                       /* tiles */
 };

@@ -84,9 +84,9 @@ static float clamp(float v, float lo, float hi) /* NaN: lo */
     return v < hi ? v : hi;
 }
 
-static float steepen(float weight)
+static float steepen(const struct sv_crown_inverse *s, float weight)
 {
-    return clamp(weight * SV_CROWN_STEEP - (0.5f * SV_CROWN_STEEP - 0.5f), 0, 1);
+    return clamp(weight * s->steep - s->early, 0, 1);
 }
 
 static int linear_of(uint8_t code, int channel) /* 255 * 255: all */
@@ -95,13 +95,14 @@ static int linear_of(uint8_t code, int channel) /* 255 * 255: all */
 }
 
 /* Premultiplied linear colour and coverage between four texels, times SV_CROWN_UNIT. */
-static void blend(const struct sv_panel_layer *layer, float u, float v, float out[4])
+static void blend(const struct sv_crown_inverse *s, float u, float v, float out[4])
 {
+    const struct sv_panel_layer *layer = s->layer;
     int last = layer->size - 2, i = (int)u, j = (int)v;
     i = i < last ? i : last;
     j = j < last ? j : last;
-    int wu = (int)(steepen(u - (float)i) * 256);
-    float fv = steepen(v - (float)j);
+    int wu = (int)(steepen(s, u - (float)i) * 256);
+    float fv = steepen(s, v - (float)j);
     const uint8_t(*t)[4] = (const uint8_t(*)[4])(const void *)sv_panel_color(layer, i, j);
     const uint8_t(*b)[4] = t + SV_PANEL_SLOT_SIDE;
     for (int c = 0; c < 4; c++) {
@@ -161,7 +162,7 @@ static void show(const struct sv_crown_resolve *r, uint64_t key, float x, float 
     float out[4];
     if (!at.source)
         return;
-    blend(at.source->layer, at.u, at.v, out);
+    blend(at.source, at.u, at.v, out);
     float pass = light[3] * (1 / SV_CROWN_UNIT);
     for (int c = 0; c < 3; c++)
         light[c] += pass * out[c];

@@ -23,6 +23,7 @@ static int compare_cells(const struct sv_cell_cache_item *a, const struct sv_cel
     ORDER(p->place.j, q->place.j);
     ORDER(p->place.k, q->place.k);
     ORDER(p->place.v.z, q->place.v.z);
+    ORDER(a->label.pitch, b->label.pitch);
     ORDER(p->size, q->size);
     ORDER(p->light, q->light);
     ORDER(p->scene, q->scene);
@@ -43,18 +44,18 @@ static int compare(const void *a, const void *b)
 
 /* The id is the key of no face and no layer. Of its rings a key knows the place's distance, the pitch, and
  * whether it is the last. */
-static struct sv_cell_listed begin(const struct sv_cell_cache_item *item, size_t first, double pitch)
+static struct sv_cell_listed begin(const struct sv_cell_cache_item *item, size_t first)
 {
     const struct sv_cell_shell *shell = &item->label.shell;
     struct sv_cell_key_parts parts = item->label.parts;
     int ring = parts.place.ring >= 0 && parts.place.ring < SV_CELL_RINGS_MAX ? parts.place.ring : 0;
     struct sv_cell_rings rings = {.count = isinf(shell->outer_m) ? ring + 1 : SV_CELL_RINGS_MAX + 1,
-                                  .pitch = pitch};
+                                  .pitch = item->label.pitch};
     rings.distance_m[ring] = shell->distance_m;
     parts.place.ring = ring;
     parts.face = (enum sv_cell_face)0;
     parts.layer = 0;
-    double step = pitch * shell->distance_m;
+    double step = rings.pitch * shell->distance_m;
     return (struct sv_cell_listed){
         .id = sv_cell_key(&rings, &parts),
         .centre = sv_vec3(parts.place.i * step, parts.place.j * step, parts.place.k * step),
@@ -67,15 +68,14 @@ static struct sv_cell_listed begin(const struct sv_cell_cache_item *item, size_t
         .first = first};
 }
 
-size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, double pitch,
-                       struct sv_cell_listed *cells)
+size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, struct sv_cell_listed *cells)
 {
     size_t found = 0;
     if (count > 0)
         qsort(items, count, sizeof *items, compare);
     for (size_t k = 0; k < count; k++) {
         if (k == 0 || compare_cells(&items[k - 1], &items[k]) != 0)
-            cells[found++] = begin(&items[k], k, pitch);
+            cells[found++] = begin(&items[k], k);
         struct sv_cell_listed *cell = &cells[found - 1];
         cell->count++;
         cell->bytes += items[k].bytes;

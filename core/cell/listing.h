@@ -21,9 +21,7 @@ struct sv_cell_listed {
 };
 
 /* Sorts items so that those of one cell are neighbours, inner rings first, and writes one cell for each such
- * run into cells (room for count); returns how many cells there are. pitch: of the lattice that they were
- * made with. */
-size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, double pitch,
-                       struct sv_cell_listed *cells);
+ * run into cells (room for count); returns how many cells there are. */
+size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, struct sv_cell_listed *cells);
 
 #endif

@@ -116,6 +116,16 @@ double sv_region_radius(const struct sv_region_panel *panels, int count, bool to
     return low;
 }
 
+double sv_region_pitch(const struct sv_region_panel *panels, int count, bool top,
+                       const struct sv_region_view *view, double tolerance)
+{
+    double most = fmin(0.5 * sv_region_radius(panels, count, top, view, tolerance), SV_CELL_PITCH_MAX);
+    double pitch = SV_REGION_PITCH_LEAST;
+    while (2 * pitch <= most)
+        pitch *= 2;
+    return pitch;
+}
+
 /* The root below 1 of kappa (1 - r)^2 = r, in the form that cancels nothing. */
 double sv_region_radius_hard(double eps_px, double focal_px, double jump)
 {

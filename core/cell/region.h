@@ -61,6 +61,15 @@ struct sv_region_error sv_region_predict(const struct sv_region_panel *panel, st
 double sv_region_radius(const struct sv_region_panel *panels, int count, bool top,
                         const struct sv_region_view *view, double tolerance);
 
+/* The lattice step over distance (lattice.h) of the largest cells whose eyes all stay in M_eps: half that
+ * radius, as the ways from a reference point down its chain to the eye are less than two steps long. Held to
+ * SV_REGION_PITCH_LEAST times a power of 2, so that views of nearly one tolerance share their panels, and to
+ * at most SV_CELL_PITCH_MAX; never less than SV_REGION_PITCH_LEAST, even where its cells do not keep the
+ * tolerance. */
+#define SV_REGION_PITCH_LEAST 0.0125
+double sv_region_pitch(const struct sv_region_panel *panels, int count, bool top,
+                       const struct sv_region_view *view, double tolerance);
+
 /* The hard bound: the largest r such that no gap between texels whose q differ by at most jump is wider than
  * eps_px anywhere in r M about V: r / (1 - r)^2 = kappa, kappa = eps_px / (focal_px jump); for a camera not
  * aligned with the panel, give focal_px times sec^2 of the picture's corner. 0 for eps_px <= 0, 1 for jump <=

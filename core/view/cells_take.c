@@ -58,7 +58,8 @@ static struct sv_cell_cache_label label_of(const struct sv_cells_frame *f, const
                                                   .scene = f->scene_key},
                                         .shell =
                                             sv_cell_shell(&f->at.rings, &f->at.chain[s->ring], f->at.top),
-                                        .light = f->light};
+                                        .light = f->light,
+                                        .pitch = f->at.rings.pitch};
     label.key = sv_cell_key(&f->at.rings, &label.parts);
     return label;
 }

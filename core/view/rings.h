@@ -10,9 +10,6 @@
 #include "core/cell/lattice.h"
 #include "core/view/resolved.h"
 
-/* Lattice step over distance that views are resolved with (sv_plan.relief_pitch). */
-#define SV_VIEW_RINGS_PITCH 0.05
-
 struct sv_view_rings {
     struct sv_cell_rings rings;
     struct sv_cell_place chain[SV_CELL_RINGS_MAX];
@@ -20,7 +17,7 @@ struct sv_view_rings {
     int crowns_first; /* innermost ring of crowns */
 };
 
-/* From the eye, the height of the ground plan.relief_distance_m and plan.relief_pitch. False, with nothing written, where there
+/* From the eye, plan.relief_distance_m and plan.relief_pitch. False, with nothing written, where there
  * are no cells: a distance that is not above 0, an eye that is not finite or too far out (sv_cell_chain). */
 bool sv_view_rings(const struct sv_resolved_view *view, struct sv_view_rings *rings);
 

@@ -4,7 +4,6 @@
 
 #include "api/cells_doc.h"
 #include "api/cells_parse.h"
-#include "core/view/rings.h"
 #include "server/daemon/ahead.h"
 #include "server/daemon/pages.h"
 #include "server/daemon/reply.h"
@@ -43,7 +42,7 @@ static char *list(const struct sv_service *service, size_t *bytes)
         count = items && cells ? sv_cell_cache_list(cache, sv_loop_now_ms() * 1e-3, items, room) : 0;
         count = count < room ? count : room;
     }
-    facts.cell_count = count > 0 ? sv_cell_listing(items, count, SV_VIEW_RINGS_PITCH, cells) : 0;
+    facts.cell_count = count > 0 ? sv_cell_listing(items, count, cells) : 0;
     facts.cells = cells;
     facts.items = items;
     char *text = cache && (!items || !cells) ? NULL : sv_api_cells_doc(&facts, bytes);

@@ -47,6 +47,7 @@ struct row {
     double holes, shift;    /* predicted: share of the picture; levels of 255 */
     double ground_holes;    /* predicted, of the ground alone */
     double off, holes_seen; /* measured */
+    double jumps[3]; /* what opens a unit of offset, in shares of the picture: sideways, up or down, forward or back */
 };
 struct rows {
     struct row of[VIEWS_MAX];
@@ -206,6 +207,10 @@ static void predict_panel(const struct sv_panel *panel, const struct sv_camera *
     struct sv_vec3 offset = sv_scale(sv_sub(camera->eye, panel->about.place.v), 1 / panel->about.distance_m);
     struct sv_region_error error = sv_region_predict(&p, offset, &view);
     row->holes += seen.share * fmin(error.hole_share, 1);
+    const struct sv_cell_jumps *s = &p.jumps;
+    const double jumps[3] = {fmax(s->x_plus, s->x_minus), fmax(s->y_plus, s->y_minus), s->xx + s->yy};
+    for (int k = 0; k < 3; k++)
+        row->jumps[k] += seen.share * 0.5 * p.size * jumps[k] / s->texels;
     row->ground_holes += ground ? seen.share * error.hole_share : 0;
     row->shift += seen.gradient * error.position_px / error.texel_px;
 }
@@ -386,6 +391,17 @@ static void tell(const char *what, const double *predicted, const double *measur
            what, count, 100.0 * above / count, mp, mm, mp / mm, rank_correlation(predicted, measured, count));
 }
 
+/* What the views' panels have in the mean: of what no panel is drawn yet, nothing better is known. */
+static void tell_jumps(const struct rows *rows)
+{
+    double sum[3] = {0};
+    for (int k = 0; k < rows->count; k++)
+        for (int c = 0; c < 3; c++)
+            sum[c] += rows->of[k].jumps[c] / rows->count;
+    printf("  an offset of the whole distance opens %.3f of the picture sideways, %.3f up or down, %.3f forward or back\n",
+           sum[0], sum[1], sum[2]);
+}
+
 static void report(const char *name, const struct rows *rows, const struct weights *w, FILE *csv)
 {
     static double predicted[VIEWS_MAX], measured[VIEWS_MAX], holes[VIEWS_MAX], seen[VIEWS_MAX];
@@ -415,6 +431,7 @@ static void report(const char *name, const struct rows *rows, const struct weigh
         snprintf(what, sizeof what, "step %g", PITCHES[p]);
         tell(what, a, b, n);
     }
+    tell_jumps(rows);
     if (warped > 0)
         tell("ground's holes", holes, seen, warped);
 }

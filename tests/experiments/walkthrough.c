@@ -1,23 +1,25 @@
 /* walkthrough.c - the forest of table 2 walked through, flown over and jumped about in, drawn from relief
  * cells, beside paper 1's own way, direct drawing and the one-sample ray cast of the same poses.
  *
- *   walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] [--forms on,auto,paper,off,raycast,four]
+ *   walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] [--forms
+ * on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
  *               [--warm] [--still] [--parts] [-o FOLDER]
  *
- * flight: 15 m/s at 40 m over the ground; walk: 1.4 m/s at 1.7 m; 30 frames a second. jump: poses of both
- * kinds at random. --warm: the path is gone along once before it is measured, by the process that workers are forked
- * from, and each worker draws some frames: what is measured maps panels that others have built, but makes nothing that a
- * process makes once, its heap included. --still: the first pose again and again.
- * --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. four: the ray cast of
- * four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the same by parts of
- * the picture (walk_parts.h).
+ * Paths: walk_path.h. Where the eye turns, how much a worker's frame differs from its next one taken back is
+ * told (walk_turn.h). --warm: the path is gone along once before it is measured, by the process that workers
+ * are forked from, and each worker draws some frames: what is measured maps panels that others have built, but
+ * makes nothing that a process makes once, its heap included. --still: the first pose again and again.
+ * --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. four: the ray
+ * cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the
+ * same by parts of the picture (walk_parts.h).
  *
  * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
- * frame, in all forms one after the other, from the first or, in turn, from the last; frames a second are workers * 1000 / median ms, encoding left out.
- * FOLDER: walkthrough.csv (a row a frame and form), pictures of the compared frames, plots of ms over frames
- * and of frames a second over the number of trees, and a contact sheet of the path (rows of cells, and of
- * direct drawing under each). */
+ * frame, in all forms one after the other, from the first or, in turn, from the last; frames a second are
+ * workers * 1000 / median ms, encoding left out. FOLDER: walkthrough.csv (a row a frame and form), pictures
+ * of the compared frames, plots of ms over frames and of frames a second over the number of trees, a contact
+ * sheet of the path (rows of cells, and of direct drawing under each), and where the eye turns the pair that
+ * differs most: frame, next one taken back, four times their difference (a row a form). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,19 +36,18 @@
 #include "tests/experiments/motion_sheet.h"
 #include "tests/experiments/plot.h"
 #include "tests/experiments/walk_parts.h"
+#include "tests/experiments/walk_path.h"
+#include "tests/experiments/walk_turn.h"
 
-enum path { FLIGHT, WALK, JUMP };
 enum form { ON, AUTO, PAPER, OFF, RAYCAST, RAYCAST4, FORMS };
-static const char *const PATHS[] = {"flight", "walk", "jump"};
 static const char *const NAMES[] = {"on", "auto", "paper", "off", "raycast", "four"};
-#define FRAMES_PER_S 30.0
 enum { FRAMES_MAX = 4096, COUNTS_MAX = 16, WORKERS_MAX = 2, WARM_FRAMES = 3, SHEET_COLUMNS = 6 };
 
 struct setup {
     uint32_t trees; /* of the count at hand */
     uint32_t counts[COUNTS_MAX];
     int count_count;
-    enum path path;
+    enum walk_path path;
     int frames, width, height, truth_stride, workers;
     int refine_samples, refine_scale; /* 0: panels stay as built */
     int panel;                        /* texels a side; 0: the scene's */
@@ -56,29 +57,14 @@ struct setup {
 
 static struct sv_view_request pose(const struct forest *forest, const struct setup *setup, int k)
 {
-    if (setup->path == JUMP) {
-        struct sv_view_request r = forest_request(forest, k & 1 ? FOREST_WALK : FOREST_OVERVIEW, k / 2);
-        r.width = setup->width;
-        r.height = setup->height;
-        return r;
-    }
-    bool walk = setup->path == WALK;
-    struct sv_view_request r = forest_request(forest, walk ? FOREST_WALK : FOREST_OVERVIEW, 0);
-    double step = setup->still ? 0 : (walk ? 1.4 : 15) / FRAMES_PER_S * k;
-    r.eye.x += step * sin(r.heading_rad);
-    r.eye.y += step * cos(r.heading_rad);
-    r.eye.agl = walk ? 1.7 : 40;
-    r.pitch_rad = sv_radians(walk ? 3 : -12);
-    r.width = setup->width;
-    r.height = setup->height;
-    return r;
+    return walk_path_pose(forest, setup->path, k, setup->still, setup->width, setup->height);
 }
 
 static void dress(struct sv_view_request *request, enum form form)
 {
-    static const enum sv_relief_mode reliefs[FORMS] = {[ON] = SV_RELIEF_ON, [AUTO] = SV_RELIEF_AUTO,
-                                                       [PAPER] = SV_RELIEF_PAPER, [OFF] = SV_RELIEF_OFF,
-                                                       [RAYCAST] = SV_RELIEF_OFF, [RAYCAST4] = SV_RELIEF_OFF};
+    static const enum sv_relief_mode reliefs[FORMS] = {
+        [ON] = SV_RELIEF_ON,   [AUTO] = SV_RELIEF_AUTO,   [PAPER] = SV_RELIEF_PAPER,
+        [OFF] = SV_RELIEF_OFF, [RAYCAST] = SV_RELIEF_OFF, [RAYCAST4] = SV_RELIEF_OFF};
     request->relief = reliefs[form];
     request->trees = form >= RAYCAST ? SV_TREES_RAYCAST : SV_TREES_AUTO;
     request->samples = form == RAYCAST4 ? 4 : 1;
@@ -104,6 +90,7 @@ struct record {
     double mean_abs, ssim, gradient; /* 0 unless compared */
     double holes, holes_left;        /* shares of the picture, of the ground's warp */
     struct sv_cell_use cell;
+    struct walk_turn turn;
     bool compared, cells; /* cells: drawn from them */
 };
 static struct record (*records)[FRAMES_MAX];
@@ -114,8 +101,8 @@ static void keep(const struct setup *setup, const struct sv_image *image, int fr
     char path[512];
     if (!setup->folder)
         return;
-    snprintf(path, sizeof path, "%s/%u-%s-%04d-%s.png", setup->folder, setup->trees, PATHS[setup->path],
-             frame, name);
+    snprintf(path, sizeof path, "%s/%u-%s-%04d-%s.png", setup->folder, setup->trees,
+             WALK_PATH_NAMES[setup->path], frame, name);
     forest_save(image, path);
 }
 
@@ -125,6 +112,40 @@ struct truth {
     struct sv_image parts; /* empty: not wanted */
     struct walk_sums (*sums)[WALK_PARTS];
 };
+
+static struct sv_camera camera_of(const struct forest *forest, const struct sv_view_request *request)
+{
+    struct sv_resolved_view view;
+    struct sv_error error = {0};
+    if (sv_view_resolve(forest->scene, request, &view, NULL, &error)) {
+        fprintf(stderr, "%s: %s\n", error.field, error.message);
+        exit(1);
+    }
+    return view.camera;
+}
+
+/* A picture of this worker, and whose it is. */
+struct shown {
+    struct sv_image color;
+    struct sv_camera camera;
+};
+static struct shown last_shown[FORMS];
+
+/* Takes the picture's colour. */
+static void compare_turned(const struct forest *forest, const struct sv_view_request *request, int k,
+                           enum form form, struct sv_picture *picture)
+{
+    struct shown *last = &last_shown[form],
+                 shown = {picture->layer[SV_LAYER_COLOR], camera_of(forest, request)};
+    picture->layer[SV_LAYER_COLOR] = (struct sv_image){0};
+    if (last->color.data) {
+        struct sv_image back = walk_turn_back(&shown.color, &shown.camera, &last->camera);
+        walk_turn_add(&last->color, &back, k, &records[form][k].turn);
+        sv_image_free(&back);
+    }
+    sv_image_free(&last->color);
+    *last = shown;
+}
 
 static void draw_frame(const struct forest *forest, const struct setup *setup, int k, enum form form,
                        const struct truth *truth)
@@ -162,6 +183,8 @@ static void draw_frame(const struct forest *forest, const struct setup *setup, i
             walk_parts_add(&truth->parts, &picture.layer[SV_LAYER_COLOR], &truth->color, truth->sums[form]);
         keep(setup, &picture.layer[SV_LAYER_COLOR], k, NAMES[form]);
     }
+    if (walk_path_turns(setup->path))
+        compare_turned(forest, &request, k, form, &picture);
     sv_picture_finish(&picture);
 }
 
@@ -259,6 +282,25 @@ static void tell_cells(const struct setup *setup, enum form form)
                drawn, setup->frames, built, frames_built, 100 * holes / drawn, 100 * worst, 100 * left);
 }
 
+static struct walk_turn worst_turn(const struct setup *setup, enum form form)
+{
+    struct walk_turn worst = {0};
+    for (int k = 0; k < setup->frames; k++)
+        walk_turn_join(&worst, &records[form][k].turn);
+    return worst;
+}
+
+static void tell_turn(const struct setup *setup, enum form form)
+{
+    struct walk_turn worst = worst_turn(setup, form);
+    if (worst.tiles > 0)
+        printf("       turned by %g degrees, tiles of %d px: tone off by %.2f in the mean, %.2f at most "
+               "(frame %d, x %d y "
+               "%d); change at most %.2f\n",
+               WALK_TURN_DEG * setup->workers, WALK_TURN_TILE, worst.tones / worst.tiles, worst.tone,
+               worst.frame, worst.x, worst.y, worst.change);
+}
+
 static void tell(const struct setup *setup, enum form form)
 {
     double sum[3] = {0};
@@ -272,14 +314,16 @@ static void tell(const struct setup *setup, enum form form)
     }
     printf("%6u %-6s %-7s ms: median %8.2f  99 %% %8.2f (%.1f frames/s)   processor ms: median %8.2f  99 %% "
            "%8.2f",
-           setup->trees, PATHS[setup->path], NAMES[form], percentile(form, setup->frames, false, 0.5),
-           percentile(form, setup->frames, false, 0.99), frames_per_s(setup, form),
-           percentile(form, setup->frames, true, 0.5), percentile(form, setup->frames, true, 0.99));
+           setup->trees, WALK_PATH_NAMES[setup->path], NAMES[form],
+           percentile(form, setup->frames, false, 0.5), percentile(form, setup->frames, false, 0.99),
+           frames_per_s(setup, form), percentile(form, setup->frames, true, 0.5),
+           percentile(form, setup->frames, true, 0.99));
     if (compared > 0)
         printf("   mean abs %.3f  SSIM %.4f  gradient %.3f", sum[0] / compared, sum[1] / compared,
                sum[2] / compared);
     printf("\n");
     tell_cells(setup, form);
+    tell_turn(setup, form);
     for (int w = 1; w < setup->workers; w++)
         walk_parts_join(sums[0][form], sums[w][form]);
     walk_parts_tell(NAMES[form], sums[0][form]);
@@ -293,7 +337,7 @@ static void write_rows(const struct setup *setup, FILE *csv)
             if (!setup->forms[form])
                 continue;
             fprintf(csv, "%u,%s,%d,%s,%.3f,%.3f,%ld,%ld,%.3f,%.3f,%.3f,%.3f,%u,%u,%.6f,%.6f,%.4f,%.5f,%.4f\n",
-                    setup->trees, PATHS[setup->path], k, NAMES[form], r->ms, r->cpu_ms, r->faults,
+                    setup->trees, WALK_PATH_NAMES[setup->path], k, NAMES[form], r->ms, r->cpu_ms, r->faults,
                     r->preempted, r->stage_ms[SV_STAGE_CELL], r->stage_ms[SV_STAGE_WARP], r->stage_ms[SV_STAGE_NEAR],
                     r->stage_ms[SV_STAGE_COMPOSITE], r->cell.hits, r->cell.built, r->holes, r->holes_left,
                     r->mean_abs, r->ssim, r->gradient);
@@ -315,9 +359,9 @@ static void plot_frames(const struct setup *setup)
         if (setup->forms[form])
             lines[n++] = (struct plot_line){NAMES[form], x, y[form], setup->frames, false};
     }
-    snprintf(title, sizeof title, "%s, %u trees, %d x %d, %d workers", PATHS[setup->path], setup->trees,
-             setup->width, setup->height, setup->workers);
-    snprintf(path, sizeof path, "%s/%u-%s.svg", setup->folder, setup->trees, PATHS[setup->path]);
+    snprintf(title, sizeof title, "%s, %u trees, %d x %d, %d workers", WALK_PATH_NAMES[setup->path],
+             setup->trees, setup->width, setup->height, setup->workers);
+    snprintf(path, sizeof path, "%s/%u-%s.svg", setup->folder, setup->trees, WALK_PATH_NAMES[setup->path]);
     if (!plot_write(path, &(struct plot_axes){title, "frame", "ms", false, true}, lines, n))
         perror(path);
 }
@@ -333,7 +377,7 @@ static void plot_counts(const struct setup *setup, double rate[FORMS][COUNTS_MAX
     for (int form = 0; form < FORMS; form++)
         if (setup->forms[form])
             lines[n++] = (struct plot_line){NAMES[form], x, rate[form], setup->count_count, false};
-    snprintf(path, sizeof path, "%s/%s.svg", setup->folder, PATHS[setup->path]);
+    snprintf(path, sizeof path, "%s/%s.svg", setup->folder, WALK_PATH_NAMES[setup->path]);
     if (!plot_write(
             path, &(struct plot_axes){"Frames a second by number of trees", "trees", "frames/s", true, true},
             lines, n))
@@ -356,7 +400,58 @@ static void write_sheet(const struct forest *forest, const struct setup *setup)
             motion_sheet_add(&sheet, &picture.layer[SV_LAYER_COLOR]);
             sv_picture_finish(&picture);
         }
-    snprintf(path, sizeof path, "%s/%u-%s-sheet.png", setup->folder, setup->trees, PATHS[setup->path]);
+    snprintf(path, sizeof path, "%s/%u-%s-sheet.png", setup->folder, setup->trees,
+             WALK_PATH_NAMES[setup->path]);
+    forest_save(&sheet.image, path);
+    motion_sheet_finish(&sheet);
+}
+
+static struct sv_image draw_again(const struct forest *forest, const struct setup *setup, int k,
+                                  enum form form, struct sv_camera *camera)
+{
+    struct sv_view_request request = pose(forest, setup, k);
+    struct sv_picture picture;
+    dress(&request, form);
+    if (form == ON)
+        refine(forest, setup, &request);
+    forest_draw(forest, &request, &picture, NULL, NULL, NULL);
+    *camera = camera_of(forest, &request);
+    return picture.layer[SV_LAYER_COLOR];
+}
+
+/* A row of a form's worst pair. */
+static void add_turn(const struct forest *forest, const struct setup *setup, enum form form,
+                     struct motion_sheet *sheet)
+{
+    enum { ENLARGED = 3, GAIN = 4 };
+    struct walk_turn worst = worst_turn(setup, form);
+    struct sv_camera camera, later_camera;
+    if (worst.tiles == 0)
+        return;
+    struct sv_image picture = draw_again(forest, setup, worst.frame - setup->workers, form, &camera);
+    struct sv_image later = draw_again(forest, setup, worst.frame, form, &later_camera);
+    struct sv_image back = walk_turn_back(&later, &later_camera, &camera);
+    motion_sheet_add_part(sheet, &picture, worst.x, worst.y, ENLARGED);
+    motion_sheet_add_part(sheet, &back, worst.x, worst.y, ENLARGED);
+    motion_sheet_add_change(sheet, &picture, &back, worst.x, worst.y, ENLARGED, GAIN);
+    sv_image_free(&picture);
+    sv_image_free(&later);
+    sv_image_free(&back);
+}
+
+static void write_turns(const struct forest *forest, const struct setup *setup)
+{
+    struct motion_sheet sheet;
+    char path[512];
+    int rows = 0;
+    for (int form = 0; form < FORMS; form++)
+        rows += setup->forms[form];
+    motion_sheet_init(&sheet, 3, rows, setup->width, setup->height);
+    for (int form = 0; form < FORMS; form++)
+        if (setup->forms[form])
+            add_turn(forest, setup, (enum form)form, &sheet);
+    snprintf(path, sizeof path, "%s/%u-%s-worst.png", setup->folder, setup->trees,
+             WALK_PATH_NAMES[setup->path]);
     forest_save(&sheet.image, path);
     motion_sheet_finish(&sheet);
 }
@@ -391,6 +486,8 @@ static bool run_count(const struct setup *setup, FILE *csv, double rate[FORMS])
     if (setup->folder && well) {
         plot_frames(setup);
         write_sheet(&forest, setup);
+        if (walk_path_turns(setup->path))
+            write_turns(&forest, setup);
     }
     forest_close(&forest);
     fflush(stdout);
@@ -448,16 +545,11 @@ static bool option(struct setup *setup, const char *name, const char *value)
                setup->refine_samples >= 1 && setup->refine_scale >= 1;
     else if (strcmp(name, "-o") == 0)
         setup->folder = value;
-    else if (strcmp(name, "--path") == 0) {
-        for (int k = FLIGHT; k <= JUMP; k++)
-            if (strcmp(value, PATHS[k]) == 0) {
-                setup->path = (enum path)k;
-                return true;
-            }
-        return false;
-    } else if (strcmp(name, "--forms") == 0) {
+    else if (strcmp(name, "--path") == 0)
+        return (setup->path = walk_path_named(value)) < WALK_PATHS;
+    else if (strcmp(name, "--forms") == 0)
         return read_forms(value, setup);
-    } else
+    else
         return false;
     return true;
 }
@@ -484,9 +576,11 @@ int main(int argc, char **argv)
             k++;
     }
     if (!well) {
-        fprintf(stderr, "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump] [--frames N] "
-                        "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
-                        "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] [-o FOLDER]\n");
+        fprintf(stderr,
+                "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] "
+                "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
+                "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] "
+                "[-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";

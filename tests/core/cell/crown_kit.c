@@ -180,12 +180,12 @@ static void nearest(const struct sv_crown_source *sources, unsigned count, int i
     t->unsure = unsure_d > t->d * (1 - 1e-5) || (second < t->d && second > t->d * (1 - 1e-5));
 }
 
-static double steepen(double weight)
+static double steepen(double steep, double weight)
 {
-    return fmin(fmax((double)SV_CROWN_STEEP * (weight - 0.5) + 0.5, 0), 1);
+    return fmin(fmax(steep * (weight - 0.5) + 0.5, 0), 1);
 }
 
-static void mean_of(const struct sv_panel_layer *layer, double u, double v, double color[4])
+static void mean_of(const struct sv_panel_layer *layer, double steep, double u, double v, double color[4])
 {
     int last = layer->size - 1;
     u = fmin(fmax(u, 0), last);
@@ -194,7 +194,7 @@ static void mean_of(const struct sv_panel_layer *layer, double u, double v, doub
     memset(color, 0, 4 * sizeof *color);
     for (int k = 0; k < 4; k++) {
         int x = i + (k & 1), y = j + (k >> 1);
-        double w = steepen(1 - fabs(u - x)) * steepen(1 - fabs(v - y));
+        double w = steepen(steep, 1 - fabs(u - x)) * steepen(steep, 1 - fabs(v - y));
         const uint8_t *c = sv_panel_color(layer, x, y);
         for (int n = 0; n < 3; n++)
             color[n] += w * (c[n] / 255.0) * (c[n] / 255.0);
@@ -220,7 +220,7 @@ static void place_of(const struct sv_crown_source *s, double x, double y, struct
     double ys = (a[0][0] * a[1][2] - a[0][2] * a[1][0]) / det;
     t->u = (xs + 1) * s->layer->size / 2 - 0.5;
     t->v = (1 - ys) * s->layer->size / 2 - 0.5;
-    mean_of(s->layer, t->u, t->v, t->color);
+    mean_of(s->layer, (double)s->steep, t->u, t->v, t->color);
 }
 
 /* Whether the texel nearest to (u, v) is of another body than the code's. */

@@ -100,6 +100,7 @@ static void one_case(struct sv_rng *rng, int k)
     for (unsigned s = 0; s < 2; s++) {
         panels[s] = random_panel(rng, (int)s, sizes[sv_rng_next(rng) % 6]);
         sources[s].layer = &panels[s].crowns;
+        sources[s].steep = s ? 1 : SV_CROWN_STEEP;
         some_map(rng, width, first + rows, sources[s].m);
     }
     for (size_t p = 0; p < n; p++)
@@ -155,6 +156,7 @@ static void test_largest(void **state)
     float(*light)[4] = malloc((size_t)SIDE * ROWS * sizeof *light);
     for (int k = 0; k < SV_CROWN_SOURCES_MAX; k++) { /* the last is in front */
         sources[k].layer = &panel.panel.crowns;
+        sources[k].steep = SV_CROWN_STEEP;
         sv_crown_map(sv_vec3(0, 0, 0), 20 - k, SV_CELL_NORTH, &camera, 0, 0, sources[k].m);
     }
     for (int k = 0; k < SIDE * ROWS; k++)

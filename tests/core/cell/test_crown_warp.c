@@ -46,6 +46,9 @@ static void draw_band(const struct sv_crown_kernel *kernel, const struct sv_crow
     sv_crown_buffer_destroy(buffer);
 }
 
+/* From bilinear on. */
+static const float STEEPS[4] = {SV_CROWN_STEEP, 1, 1.3f, 3};
+
 /* ---- against brute force ---- */
 
 struct judged {
@@ -104,6 +107,7 @@ static void test_brute_force(void **state)
             crown_panel_make(17 + (k * 5 + n) % 24, &panel[n]);
             crown_panel_blobs(&panel[n], &rng, 0.4, 0.2, 1.2);
             sources[n].layer = &panel[n].panel.crowns;
+            sources[n].steep = STEEPS[(k + n) % 4];
             sv_crown_map(v, 20, n ? other : face, &camera, 0.1, -0.2, sources[n].m);
         }
         struct picture p = picture_make(camera.width, camera.height);
@@ -119,10 +123,10 @@ static void test_brute_force(void **state)
 
 /* ---- closed forms ---- */
 
-static double triangle(double t) /* 0 at even, 1 at odd whole numbers, as steep between as weights are */
+static double triangle(double steep, double t) /* 0 at even, 1 at odd whole numbers, as steep between as weights are */
 {
     double r = t - 2 * floor(t / 2), rise = r < 1 ? r : 2 - r;
-    return fmin(fmax((double)SV_CROWN_STEEP * (rise - 0.5) + 0.5, 0), 1);
+    return fmin(fmax(steep * (rise - 0.5) + 0.5, 0), 1);
 }
 
 /* Panels of one q whose coverage goes to and fro between 0 and 1 from texel to texel, along columns or rows:
@@ -154,6 +158,7 @@ static void test_plane_homography(void **state)
         crown_panel_pack(&panel);
         q = panel.room.q[0] / (double)SV_PANEL_Q_ONE;
         source.layer = &panel.panel.crowns;
+        source.steep = STEEPS[k / 3 % 4];
         sv_crown_map(v, distance, face, &camera, shift, -shift, source.m);
         struct picture p = picture_make(67, 45);
         draw_band(levels[k % LEVELS], &source, 1, 0, 45, NULL, &p);
@@ -167,10 +172,10 @@ static void test_plane_homography(void **state)
             double vs = (1 - sv_dot(hit, up) / sv_dot(hit, forward)) * 32 - 0.5;
             if (!(along > camera.near_m && us > 0 && us < 63 && vs > 0 && vs < 63))
                 continue;
-            double error = fabs(triangle(k & 4 ? vs : us) - (1 - (double)p.light[n][3]));
+            double error = fabs(triangle((double)source.steep, k & 4 ? vs : us) - (1 - (double)p.light[n][3]));
             worst = fmax(worst, error);
             seen++;
-            if (!(error <= 1.0 / 256 + 0.04 * (double)SV_CROWN_STEEP))
+            if (!(error <= 1.0 / 256 + 0.04 * (double)source.steep))
                 fail_msg("case %d pixel (%d, %d): %.4f texels off", k, n % 67, n / 67, error);
         }
         free(p.light);
@@ -201,6 +206,7 @@ static void test_single_texel(void **state)
         crown_panel_pack(&panel);
         q = panel.room.q[at] / (double)SV_PANEL_Q_ONE;
         source.layer = &panel.panel.crowns;
+        source.steep = SV_CROWN_STEEP;
         sv_crown_map(v, 20, SV_CELL_NORTH, &camera, 0, 0, source.m);
         struct picture p = picture_make(96, 80);
         draw_band(levels[k % LEVELS], &source, 1, 0, 80, NULL, &p);
@@ -249,6 +255,7 @@ static void scene_make(struct sv_rng *rng, int k, struct scene *s)
         crown_panel_make(sizes[(unsigned)(k + (int)n) % 6], &s->panel[n]);
         crown_panel_blobs(&s->panel[n], rng, sv_rng_range(rng, 0.05, 0.8), 0.05, 1.9);
         s->sources[n].layer = &s->panel[n].panel.crowns;
+        s->sources[n].steep = STEEPS[(k + (int)n) % 4];
         sv_crown_map(v, 20, faces[n], &camera, 0.2, 0.4, s->sources[n].m);
     }
 }
@@ -393,6 +400,7 @@ static void test_closed_is_left_out(void **state)
     crown_panel_make(128, &panel);
     crown_panel_flat(&panel, (const uint8_t[4]){90, 90, 90, 255}, 0.8);
     source.layer = &panel.panel.crowns;
+    source.steep = SV_CROWN_STEEP;
     sv_crown_map(sv_vec3(0, 0, 0), 10, SV_CELL_NORTH, &camera, 0, 0, source.m);
     assert_int_equal(sv_crown_buffer_create(64, 0, 64, &buffer, NULL), SV_OK);
     for (int ring = 0; ring < 2; ring++) {
@@ -441,6 +449,7 @@ static void test_silhouette(void **state)
     struct sv_camera camera =
         crown_camera(SV_CELL_NORTH, v, distance, sv_vec3(0, 0, -lower), turn, SV_PI / 2, SIDE, SIDE);
     source.layer = &panel.panel.crowns;
+    source.steep = SV_CROWN_STEEP;
     sv_crown_map(v, distance, SV_CELL_NORTH, &camera, 0, 0, source.m);
     int crown_top = (int)floor(CROWN - lower * SIDE / 2); /* 27.2: rows above have their centres in the sky */
     for (int level = 0; level < LEVELS; level++) {
@@ -469,6 +478,7 @@ static void test_depth(void **state)
     crown_panel_make(64, &panel);
     crown_panel_flat(&panel, (const uint8_t[4]){90, 90, 90, 128}, 0.5);
     source.layer = &panel.panel.crowns;
+    source.steep = SV_CROWN_STEEP;
     sv_crown_map(sv_vec3(0, 0, 0), 10, SV_CELL_SOUTH, &camera, 0, 0, source.m);
     double d = camera.near_m / 20;
     for (int n = 0; n < 32 * 32; n++)

@@ -13,8 +13,8 @@
 #include "core/base/rng.h"
 #include "core/cell/listing.h"
 
-enum { EYES = 40, FACES = 3 };
-static const double pitch = 0.05;
+enum { EYES = 40, FACES = 3, PITCHES = 2 };
+static const double pitches[PITCHES] = {0.05, 0.1};
 
 static struct sv_cell_cache_item item_of(const struct sv_cell_rings *rings, const struct sv_cell_place *place,
                                          int face, int size, struct sv_rng *rng)
@@ -26,6 +26,7 @@ static struct sv_cell_cache_item item_of(const struct sv_cell_rings *rings, cons
         .place = *place, .face = (enum sv_cell_face)face, .layer = 1, .size = size, .light = 3, .scene = 4};
     item.label.key = sv_cell_key(rings, &item.label.parts);
     item.label.shell = sv_cell_shell(rings, place, false);
+    item.label.pitch = rings->pitch;
     return item;
 }
 
@@ -50,38 +51,44 @@ static void cells_of_chains(void **state)
 {
     (void)state;
     struct sv_rng rng = sv_rng_seeded(5, 0);
-    struct sv_cell_rings rings;
-    sv_cell_rings_make(100, 6, pitch, &rings);
+    struct sv_cell_rings of[PITCHES];
+    for (int p = 0; p < PITCHES; p++)
+        sv_cell_rings_make(100, 6, pitches[p], &of[p]);
+    const int ring_count = of[0].count;
     size_t most = (size_t)EYES * SV_CELL_RINGS_MAX * FACES, count = 0;
     struct sv_cell_cache_item *items = calloc(most, sizeof *items);
     struct sv_cell_listed *cells = calloc(most, sizeof *cells);
     assert_true(items && cells);
     for (int n = 0; n < EYES; n++) {
         struct sv_cell_place chain[SV_CELL_RINGS_MAX];
-        /* 200 m apart: no two eyes share a cell, but for the size of their panels. */
-        struct sv_vec3 eye = sv_vec3(200 * (n / 2) + sv_rng_range(&rng, 0, 1e-3), 0.1, 5.3e6);
-        assert_true(sv_cell_chain(&rings, eye, false, chain));
-        for (int ring = 0; ring < rings.count; ring++)
+        const struct sv_cell_rings *rings = &of[n / 2 % PITCHES];
+        /* 200 m apart: no two eyes share a cell, but for the size of their panels and for their lattices;
+         * about the origin, of which both have the place 0, 0, 0. */
+        struct sv_vec3 eye = sv_vec3(200 * (n / 4) + sv_rng_range(&rng, 0, 1e-3), 0.1, n < 4 ? 0 : 5.3e6);
+        assert_true(sv_cell_chain(rings, eye, false, chain));
+        for (int ring = 0; ring < rings->count; ring++)
             for (int face = 0; face < FACES; face++)
-                items[count++] = item_of(&rings, &chain[ring], face, n % 2 ? 512 : 1024, &rng);
+                items[count++] = item_of(rings, &chain[ring], face, n % 2 ? 512 : 1024, &rng);
     }
     shuffle(items, count, &rng);
-    size_t found = sv_cell_listing(items, count, pitch, cells), next = 0;
-    assert_int_equal(found, (size_t)EYES * (size_t)rings.count);
+    size_t found = sv_cell_listing(items, count, cells), next = 0;
+    assert_int_equal(found, (size_t)EYES * (size_t)ring_count);
     for (size_t k = 0; k < found; k++) {
         const struct sv_cell_listed *c = &cells[k];
         uint64_t bytes = 0, hits = 0;
         double youngest_s = INFINITY;
+        const struct sv_cell_rings *rings = &of[items[c->first].label.pitch == pitches[1]];
         assert_int_equal(c->first, next);
         assert_int_equal(c->count, FACES);
-        assert_true(c->id == id_of(&rings, &c->place, c->size));
-        assert_true(c->distance_m == rings.distance_m[c->place.ring] &&
-                    c->half_axis_m == pitch * c->distance_m);
-        assert_true((c->outer_m == INFINITY) == (c->place.ring == rings.count - 1));
+        assert_true(c->id == id_of(rings, &c->place, c->size));
+        assert_true(c->distance_m == rings->distance_m[c->place.ring] &&
+                    c->half_axis_m == rings->pitch * c->distance_m);
+        assert_true((c->outer_m == INFINITY) == (c->place.ring == ring_count - 1));
         assert_true(k == 0 || cells[k - 1].distance_m <= c->distance_m);
         assert_true(fabs(c->centre.x - c->place.v.x) < 1e-6 && fabs(c->centre.z - c->place.v.z) < 1e-6);
         for (size_t p = c->first; p < c->first + c->count; p++) {
             assert_true(items[p].label.parts.place.i == c->place.i && items[p].label.parts.size == c->size);
+            assert_true(items[p].label.pitch == rings->pitch);
             assert_int_equal(items[p].label.parts.face, p - c->first);
             bytes += items[p].bytes;
             hits += items[p].hits;
@@ -100,11 +107,11 @@ static void none_and_wild(void **state)
     (void)state;
     struct sv_cell_listed cells[2];
     struct sv_cell_cache_item items[2];
-    assert_int_equal(sv_cell_listing(NULL, 0, pitch, cells), 0);
+    assert_int_equal(sv_cell_listing(NULL, 0, cells), 0);
     memset(items, 0xFF, sizeof items); /* NaN everywhere, a ring of -1 */
     for (int k = 0; k < 2; k++)
         items[k].refined = items[k].building = false; /* as the cache has them: of flags */
-    assert_int_equal(sv_cell_listing(items, 2, pitch, cells), 1);
+    assert_int_equal(sv_cell_listing(items, 2, cells), 1);
     assert_int_equal(cells[0].count, 2);
 }
 

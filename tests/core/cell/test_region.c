@@ -343,6 +343,43 @@ static void the_radius_keeps_what_it_says(void **state)
     assert_true(sv_region_radius(panels, 1, false, &view, NAN) == 0);
 }
 
+/* Eyes anywhere in cells of that lattice step stay within the tolerance, those of twice the step do not all.
+ */
+static void cells_are_as_large_as_the_tolerance_bears(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(5, 70);
+    static struct picture p[SV_CELL_FACES];
+    struct sv_region_panel panels[SV_CELL_FACES];
+    double last = 0;
+    for (int f = 0; f < SV_CELL_FACES; f++) {
+        boxes(&rng, 5 + 10 * f, 1, &p[f]);
+        panels[f] = (struct sv_region_panel){(enum sv_cell_face)f, SIDE, 1, jumps_of(&p[f])};
+    }
+    for (int t = 0; t < 20; t++) {
+        double tolerance = 1e-4 * pow(2, t), worst = 0;
+        double pitch = sv_region_pitch(panels, SV_CELL_FACES, false, &view, tolerance);
+        double power = log2(pitch / SV_REGION_PITCH_LEAST);
+        assert_true(power == floor(power) && power >= 0 && pitch <= SV_CELL_PITCH_MAX && pitch >= last);
+        last = pitch;
+        for (int n = 0; n < 20000; n++) {
+            struct sv_vec3 e = random_in_m(&rng, 2 * pitch);
+            for (int f = 0; f < SV_CELL_FACES; f++) {
+                double within = sv_region_predict(&panels[f], e, &view).total;
+                assert_true(within <= tolerance || pitch == SV_REGION_PITCH_LEAST);
+                worst = fmax(worst, sv_region_predict(&panels[f], sv_scale(e, 2), &view).total);
+            }
+        }
+        /* The radius is held to the stretch of the whole region, (1 - 4 pitch)^-3 where all of it is looked
+         * at. */
+        assert_true(4 * pitch >= 0.8 || worst * pow(1 - 4 * pitch, -3) >= 0.8 * tolerance);
+    }
+    assert_true(last == 16 * SV_REGION_PITCH_LEAST);
+    assert_true(sv_region_pitch(panels, SV_CELL_FACES, false, &view, 0) == SV_REGION_PITCH_LEAST);
+    assert_true(sv_region_pitch(panels, SV_CELL_FACES, false, &view, NAN) == SV_REGION_PITCH_LEAST);
+    assert_true(sv_region_pitch(panels, 0, false, &view, 0.01) == 16 * SV_REGION_PITCH_LEAST);
+}
+
 /* No gap in r M is wider than eps, and somewhere it is that wide. Gaps by the two texels' own places. */
 static void the_hard_radius_holds_every_gap(void **state)
 {
@@ -397,6 +434,7 @@ int main(void)
                                        cmocka_unit_test(one_edge_is_predicted_exactly),
                                        cmocka_unit_test(texels_and_places_are_bounded),
                                        cmocka_unit_test(the_radius_keeps_what_it_says),
+                                       cmocka_unit_test(cells_are_as_large_as_the_tolerance_bears),
                                        cmocka_unit_test(the_hard_radius_holds_every_gap),
                                        cmocka_unit_test(eyes_beyond_have_no_prediction)};
     return cmocka_run_group_tests(tests, NULL, NULL);

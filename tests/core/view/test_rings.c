@@ -1,5 +1,5 @@
 /* test_rings.c - resolved views of one outermost cell have one reference point; what a request says of panels
- * is in their plan, and the scene's own otherwise. */
+ * is in their plan, and the scene's own otherwise; cells are as large as the quality bears. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -110,8 +110,53 @@ static void resolutions(void **state)
     kit_free(scene);
 }
 
+/* Lattices of the qualities nest by powers of 2, so that few share the memory of panels, and no eye is
+ * farther from any of its reference points than the prediction was made for: two steps along an axis
+ * (lattice.h). */
+static void cells_by_quality(void **state)
+{
+    (void)state;
+    static const double steps[SV_QUALITY_COUNT] = {[SV_QUALITY_FAST] = 0.1,
+                                                   [SV_QUALITY_BALANCED] = 0.05,
+                                                   [SV_QUALITY_HIGH] = 0.025,
+                                                   [SV_QUALITY_REFERENCE] = 0.025};
+    struct kit_options options = {.width = 65,
+                                  .height = 65,
+                                  .x0 = 5e5,
+                                  .y0 = 4e6,
+                                  .z0 = 100,
+                                  .dx = 5,
+                                  .dy = 5,
+                                  .relief_m = 20,
+                                  .seed = 3};
+    struct sv_scene *scene = kit_scene(&options);
+    struct sv_rng rng = sv_rng_seeded(9, 1);
+    scene->relief_distance_m = 100;
+    for (int n = 0; n < 4000; n++) {
+        struct sv_view_request request = kit_request();
+        request.quality = (enum sv_quality)(n % SV_QUALITY_COUNT);
+        request.width = 16 + n % 700;
+        request.vfov_rad = sv_radians(sv_rng_range(&rng, 5, 120));
+        request.eye = (struct sv_place){.form = SV_PLACE_XY,
+                                        .x = sv_rng_range(&rng, 500010, 500300),
+                                        .y = sv_rng_range(&rng, 4000010, 4000300),
+                                        .agl = sv_rng_range(&rng, 0.5, 200)};
+        struct sv_resolved_view view = resolve(scene, &request);
+        struct sv_view_rings at;
+        assert_true(view.plan.relief_pitch == steps[request.quality]);
+        assert_true(sv_view_rings(&view, &at) && at.rings.pitch == view.plan.relief_pitch);
+        for (int ring = 0; ring < at.rings.count; ring++) {
+            double most = 2 * steps[request.quality] * at.rings.distance_m[ring] + 1e-6;
+            struct sv_vec3 off = sv_sub(view.camera.eye, at.chain[ring].v);
+            assert_true(fabs(off.x) <= most && fabs(off.y) <= most && fabs(off.z) <= most);
+        }
+    }
+    kit_free(scene);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(cells_of_views), cmocka_unit_test(resolutions)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(cells_of_views), cmocka_unit_test(resolutions),
+                                       cmocka_unit_test(cells_by_quality)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
