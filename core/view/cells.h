@@ -35,14 +35,14 @@ void sv_cells_destroy(struct sv_cells *cells); /* NULL is legal */
 
 /* What a view is drawn with. */
 struct sv_cells_report {
-    uint64_t id;           /* of the eye's innermost cell; stays while the eye does */
-    uint32_t hits, built;  /* panels: that were there, that were built for this view */
-    uint32_t refined;      /* of hits; panels that show nothing are as good as refined */
-    uint64_t hole_pixels;  /* of the ground before filling */
-    uint64_t holes_left;   /* ... and after */
-    uint32_t left;         /* panels that are missing still (sv_cells_build) */
-    int level;             /* rings of panels that were used, outermost first (core/cell/admit.h) */
-    bool ground_direct;    /* the ground was drawn directly */
+    uint64_t id;               /* of the eye's innermost cell; stays while the eye does */
+    uint32_t hits, built;      /* panels: that were there, that were built for this view */
+    uint32_t refined;          /* of hits; panels that show nothing are as good as refined */
+    uint64_t hole_pixels;      /* of the ground before filling */
+    uint64_t holes_left;       /* ... and after */
+    uint32_t left;             /* panels that are missing still (sv_cells_build) */
+    int level;                 /* rings of panels that were used, outermost first (core/cell/admit.h) */
+    bool ground_direct;        /* the ground was drawn directly */
     double ms[SV_STAGE_COUNT]; /* cell, warp, near, composite; negative: did not run */
 };
 
@@ -51,18 +51,21 @@ struct sv_cells_report {
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers);
 /* This process, which was forked since, has that slot of the cache. */
 void sv_cells_use_slot(struct sv_cells *cells, unsigned slot);
-/* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB, premultiplied;
- * alpha 255 everywhere where sky is true). From all rings of panels, or, where `all` is false, from those that are there or pay
- * (core/cell/admit.h): SV_ENOENT, with nothing drawn, where that is none. What no ring shows is drawn directly. A panel that others are building, or that the cache has no room for, is built for this view
- * alone, in memory that goes with it. */
-SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky,
-                                           int row_first, int row_count, bool all, uint8_t *rgba,
+/* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB,
+ * premultiplied; alpha 255 everywhere where sky is true). From all rings of panels, or, where `all` is false,
+ * from those that are there or pay (core/cell/admit.h): SV_ENOENT, with nothing drawn, where that is none.
+ * What no ring shows is drawn directly. A panel that others are building, or that the cache has no room for,
+ * is built for this view alone, in memory that goes with it. */
+SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view,
+                                           bool sky, int row_first, int row_count, bool all, uint8_t *rgba,
                                            struct sv_cells_report *report, struct sv_draw_stats *stats,
                                            struct sv_error *error);
-/* Builds panels that the view needs and that are neither there nor being built by others, at most `most` of them;
- * report->left tells how many that leaves. What the cache has no room for is not built. Errors of sv_panels_draw. */
-SV_MUST_CHECK enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
-                                            struct sv_cells_report *report, struct sv_error *error);
+/* Builds panels that the view needs and that are neither there nor being built by others, at most `most` of
+ * them; report->left tells how many that leaves. What the cache has no room for is not built. Errors of
+ * sv_panels_draw. */
+SV_MUST_CHECK enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view,
+                                            uint32_t most, struct sv_cells_report *report,
+                                            struct sv_error *error);
 /* The scene has changed in place, and what direct drawing keeps of it: drops what the change can be seen on
  * (cells_change.h). Before any process of the scene as it is now draws. */
 void sv_cells_changed(struct sv_cells *cells, const struct sv_scene_change *change);
