@@ -22,7 +22,7 @@ struct slab_head {
     uint64_t capacity;       /* bytes of data behind the head */
     uint64_t size;           /* of the data */
     _Atomic uint64_t commit; /* the job's id, written last; 0: nothing there */
-    char pad[32];            /* data starts on a cache line */
+    _Atomic uint32_t words[SV_SLAB_WORDS]; /* data starts on a cache line behind them */
 };
 
 struct sv_slab {
@@ -42,7 +42,7 @@ struct sv_slab_pool {
 
 static const int slab_seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
 
-enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t size, struct sv_error *error)
+enum sv_status sv_slab_map(int fd, struct sv_slab_map *map, struct sv_error *error)
 {
     struct stat st;
     int seals = fcntl(fd, F_GET_SEALS);
@@ -53,20 +53,42 @@ enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t siz
     struct slab_head *head = mmap(NULL, mapped, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
     if (head == MAP_FAILED)
         return sv_fail(error, SV_ENOMEM, "slab", "mapping %zu bytes: %s", mapped, strerror(errno));
-    enum sv_status status = SV_OK;
-    size_t capacity = mapped - sizeof *head;
-    if (head->magic != SLAB_MAGIC)
-        status = sv_fail(error, SV_EFORMAT, "slab", "the descriptor is no slab");
-    else if (size > capacity)
+    if (head->magic != SLAB_MAGIC) {
+        munmap(head, mapped);
+        return sv_fail(error, SV_EFORMAT, "slab", "the descriptor is no slab");
+    }
+    *map = (struct sv_slab_map){.memory = head,
+                                .mapped_bytes = mapped,
+                                .words = head->words,
+                                .data = (uint8_t *)(head + 1),
+                                .capacity = mapped - sizeof *head};
+    return SV_OK;
+}
+
+void sv_slab_unmap(struct sv_slab_map *map)
+{
+    if (map->memory)
+        munmap(map->memory, map->mapped_bytes);
+    *map = (struct sv_slab_map){0};
+}
+
+enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t size, struct sv_error *error)
+{
+    struct sv_slab_map map = {0};
+    enum sv_status status = sv_slab_map(fd, &map, error);
+    if (status != SV_OK)
+        return status;
+    if (size > map.capacity)
         status =
-            sv_fail(error, SV_ELIMIT, "slab", "%zu bytes do not fit the %zu of the slab", size, capacity);
+            sv_fail(error, SV_ELIMIT, "slab", "%zu bytes do not fit the %zu of the slab", size, map.capacity);
     if (status == SV_OK) {
+        struct slab_head *head = map.memory;
         if (size)
-            memcpy(head + 1, bytes, size);
+            memcpy(map.data, bytes, size);
         head->size = size;
         atomic_store_explicit(&head->commit, job, memory_order_release);
     }
-    munmap(head, mapped);
+    sv_slab_unmap(&map);
     return status;
 }
 
@@ -171,6 +193,8 @@ enum sv_status sv_slab_take(struct sv_slab_pool *pool, size_t bytes, struct sv_s
     }
     s->head->size = 0;
     atomic_store_explicit(&s->head->commit, 0, memory_order_relaxed);
+    for (int k = 0; k < SV_SLAB_WORDS; k++)
+        atomic_store_explicit(&s->head->words[k], 0, memory_order_relaxed);
     pool->lent_bytes += s->mapped_bytes;
     *slab = s;
     return SV_OK;

@@ -332,11 +332,6 @@ static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_r
     return status;
 }
 
-bool sv_renderer_can_bands(const struct sv_view_request *request, const struct sv_resolved_view *view)
-{
-    return !(view->plan.relief == SV_RELIEF_PAPER && sv_cells_can(view, request->layers));
-}
-
 void sv_renderer_drawn(struct sv_renderer *renderer, const struct sv_resolved_view *view,
                        const struct sv_draw_took *took)
 {

@@ -42,10 +42,7 @@ struct sv_renderer_band {
     int row_first, row_count;     /* row_count at least 1 */
     const struct sv_bands *bands; /* what they share; NULL: all of the picture is drawn here */
 };
-/* Whether bands of the view are parts of its whole, byte for byte: paper 1's own way (relief=paper) is not drawn in
- * bands. */
-bool sv_renderer_can_bands(const struct sv_view_request *request, const struct sv_resolved_view *view);
-/* The band alone: layers of its rows. Whoever has all bands tells what they took together (sv_renderer_drawn). stats
+/* The band alone, byte for byte as in the whole: layers of its rows. Views of sv_bands_can; else the band is the whole. Whoever has all bands tells what they took together (sv_renderer_drawn). stats
  * and timings may be NULL. */
 SV_MUST_CHECK enum sv_status sv_renderer_draw_band(struct sv_renderer *renderer,
                                                    const struct sv_view_request *request,

@@ -1,0 +1,134 @@
+#include "server/bands.h"
+
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+enum { LINE = 64, WORD_DONE = 0, WORD_LEVEL = 1 };
+
+static size_t on_line(size_t bytes)
+{
+    return (bytes + LINE - 1) / LINE * LINE;
+}
+
+static const struct {
+    int channels;
+    enum sv_pixel_type type;
+} forms[SV_LAYER_COUNT] = {
+    [SV_LAYER_COLOR] = {4, SV_PIXEL_U8},
+    [SV_LAYER_DEPTH] = {1, SV_PIXEL_F32},
+    [SV_LAYER_NORMAL] = {3, SV_PIXEL_F32},
+    [SV_LAYER_ID] = {1, SV_PIXEL_U32},
+};
+
+/* Layers of a view one behind the other, from base on (NULL: only counted); their bytes. */
+static size_t lay_out(const struct sv_view_request *request, uint8_t *base, struct sv_picture *picture)
+{
+    size_t bytes = 0;
+    for (int k = 0; k < SV_LAYER_COUNT; k++) {
+        if (!(request->layers & 1u << k))
+            continue;
+        picture->layer[k] = (struct sv_image){.width = request->width,
+                                              .height = request->height,
+                                              .channels = forms[k].channels,
+                                              .type = forms[k].type,
+                                              .data = base ? base + bytes : NULL};
+        bytes += on_line(sv_image_bytes(&picture->layer[k]));
+    }
+    return bytes;
+}
+
+size_t sv_bands_bytes(const struct sv_view_request *request, size_t encoded_bytes, size_t *at)
+{
+    struct sv_picture picture = {0};
+    *at = on_line(encoded_bytes);
+    return *at + on_line(SV_BANDS_MAX * sizeof(struct sv_bands_part)) + lay_out(request, NULL, &picture);
+}
+
+enum sv_status sv_bands_map(int fd, const struct sv_view_request *request, size_t at, struct sv_bands_map *map,
+                            struct sv_error *error)
+{
+    *map = (struct sv_bands_map){0};
+    size_t head = on_line(SV_BANDS_MAX * sizeof(struct sv_bands_part));
+    size_t bytes = head + lay_out(request, NULL, &map->picture);
+    enum sv_status status = sv_slab_map(fd, &map->slab, error);
+    if (status != SV_OK)
+        return status;
+    if (at % LINE != 0 || at > map->slab.capacity || bytes > map->slab.capacity - at) {
+        size_t capacity = map->slab.capacity;
+        sv_bands_unmap(map);
+        return sv_fail(error, SV_ELIMIT, "slab", "%zu bytes of bands from %zu on do not fit the %zu of the slab", bytes,
+                       at, capacity);
+    }
+    map->parts = (struct sv_bands_part *)(void *)(map->slab.data + at);
+    (void)lay_out(request, map->slab.data + at + head, &map->picture);
+    return SV_OK;
+}
+
+void sv_bands_unmap(struct sv_bands_map *map)
+{
+    sv_slab_unmap(&map->slab);
+    *map = (struct sv_bands_map){0};
+}
+
+/* The word holds the level + 1; 0: none yet. */
+static int agree(void *context, int level)
+{
+    _Atomic uint32_t *word = &((struct sv_bands_map *)context)->slab.words[WORD_LEVEL];
+    uint32_t held = 0;
+    if (level < 0)
+        return (int)atomic_load(word) - 1;
+    return atomic_compare_exchange_strong(word, &held, (uint32_t)level + 1) ? level : (int)held - 1;
+}
+
+struct sv_bands sv_bands_shared(struct sv_bands_map *map)
+{
+    return (struct sv_bands){.context = map, .agree = agree};
+}
+
+bool sv_bands_put(struct sv_bands_map *map, int band, int count, int row_first, const struct sv_picture *rows,
+                  const struct sv_bands_part *part)
+{
+    for (int k = 0; k < SV_LAYER_COUNT; k++) {
+        const struct sv_image *from = &rows->layer[k];
+        const struct sv_image *to = &map->picture.layer[k];
+        if (!from->data || !to->data)
+            continue;
+        size_t row_bytes = sv_image_bytes(to) / (size_t)to->height;
+        memcpy((uint8_t *)to->data + (size_t)row_first * row_bytes, from->data, sv_image_bytes(from));
+    }
+    map->parts[band] = *part;
+    uint32_t all = (1u << count) - 1, bit = 1u << band;
+    return (atomic_fetch_or(&map->slab.words[WORD_DONE], bit) | bit) == all;
+}
+
+static struct sv_cell_use join_use(const struct sv_cell_use *a, const struct sv_cell_use *b)
+{
+    return (struct sv_cell_use){.kind = a->kind > b->kind ? a->kind : b->kind,
+                                .hits = a->hits + b->hits,
+                                .refined = a->refined + b->refined,
+                                .built = a->built + b->built,
+                                .id = a->id ? a->id : b->id};
+}
+
+struct sv_bands_part sv_bands_join(const struct sv_bands_part *parts, int count)
+{
+    struct sv_bands_part all = parts[0];
+    for (int n = 1; n < count; n++) {
+        const struct sv_bands_part *p = &parts[n];
+        for (int k = 0; k < SV_STAGE_COUNT; k++)
+            all.timings.ms[k] = fmax(all.timings.ms[k], p->timings.ms[k]);
+        all.stats.terrain_triangles += p->stats.terrain_triangles;
+        all.stats.near_trees += p->stats.near_trees;
+        all.stats.far_trees += p->stats.far_trees;
+        all.stats.polygon_objects += p->stats.polygon_objects;
+        all.stats.relief_objects += p->stats.relief_objects;
+        all.stats.terrain_error_px = fmax(all.stats.terrain_error_px, p->stats.terrain_error_px);
+        all.stats.cell = join_use(&all.stats.cell, &p->stats.cell);
+        all.took.level = p->took.level < 0 ? -1 : all.took.level;
+        all.took.ms += p->took.ms;
+    }
+    if (all.stats.cell.built > 0)
+        all.stats.cell.kind = SV_CELL_USE_BUILT;
+    return all;
+}
