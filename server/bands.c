@@ -5,6 +5,9 @@
 #include <string.h>
 
 enum { LINE = 64, WORD_DONE = 0, WORD_LEVEL = 1 };
+enum { HEAD_BYTES = (SV_BANDS_MAX * sizeof(struct sv_bands_part) + LINE - 1) / LINE * LINE };
+/* A worker keeps no larger slab mapped when it has drawn: with its memory it would go to another only when the next one comes. */
+enum { MAPPED_BYTES_MAX = 32 << 20 };
 
 static size_t on_line(size_t bytes)
 {
@@ -38,37 +41,37 @@ static size_t lay_out(const struct sv_view_request *request, uint8_t *base, stru
     return bytes;
 }
 
-size_t sv_bands_bytes(const struct sv_view_request *request, size_t encoded_bytes, size_t *at)
+size_t sv_bands_bytes(const struct sv_view_request *request)
 {
     struct sv_picture picture = {0};
-    *at = on_line(encoded_bytes);
-    return *at + on_line(SV_BANDS_MAX * sizeof(struct sv_bands_part)) + lay_out(request, NULL, &picture);
+    return HEAD_BYTES + lay_out(request, NULL, &picture);
 }
 
-enum sv_status sv_bands_map(int fd, const struct sv_view_request *request, size_t at, struct sv_bands_map *map,
+enum sv_status sv_bands_map(int fd, const struct sv_view_request *request, struct sv_bands_map *map,
                             struct sv_error *error)
 {
-    *map = (struct sv_bands_map){0};
-    size_t head = on_line(SV_BANDS_MAX * sizeof(struct sv_bands_part));
-    size_t bytes = head + lay_out(request, NULL, &map->picture);
     enum sv_status status = sv_slab_map(fd, &map->slab, error);
     if (status != SV_OK)
         return status;
-    if (at % LINE != 0 || at > map->slab.capacity || bytes > map->slab.capacity - at) {
-        size_t capacity = map->slab.capacity;
-        sv_bands_unmap(map);
-        return sv_fail(error, SV_ELIMIT, "slab", "%zu bytes of bands from %zu on do not fit the %zu of the slab", bytes,
-                       at, capacity);
-    }
-    map->parts = (struct sv_bands_part *)(void *)(map->slab.data + at);
-    (void)lay_out(request, map->slab.data + at + head, &map->picture);
+    if (sv_bands_bytes(request) > map->slab.capacity)
+        return sv_fail(error, SV_ELIMIT, "slab", "%zu bytes of bands do not fit the %zu of the slab",
+                       sv_bands_bytes(request), map->slab.capacity);
+    map->parts = (struct sv_bands_part *)(void *)map->slab.data;
+    map->picture = (struct sv_picture){0};
+    (void)lay_out(request, map->slab.data + HEAD_BYTES, &map->picture);
     return SV_OK;
 }
 
-void sv_bands_unmap(struct sv_bands_map *map)
+void sv_bands_leave(struct sv_bands_map *map)
 {
-    sv_slab_unmap(&map->slab);
-    *map = (struct sv_bands_map){0};
+    if (map->slab.mapped_bytes > MAPPED_BYTES_MAX)
+        sv_slab_unmap(&map->slab);
+}
+
+enum sv_status sv_bands_end(struct sv_bands_map *map, const struct sv_view_request *request, uint64_t job,
+                            const void *bytes, size_t size, struct sv_error *error)
+{
+    return sv_slab_put(&map->slab, job, sv_bands_bytes(request), bytes, size, error);
 }
 
 /* The word holds the level + 1; 0: none yet. */

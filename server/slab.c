@@ -15,12 +15,12 @@
  * size_class. */
 enum { CLASS_MIN_BITS = 16, CLASS_COUNT = 24, KEPT_A_CLASS = 8 };
 /* Pages beyond this that a picture touched go back to the system with the slab. */
-enum { KEPT_RESIDENT_BYTES = 1 << 20 };
+enum { KEPT_RESIDENT_BYTES = 4 << 20 };
 
 struct slab_head {
     uint64_t magic;
     uint64_t capacity;       /* bytes of data behind the head */
-    uint64_t size;           /* of the data */
+    uint64_t at, size;       /* of what was written: where in the data, and its bytes */
     _Atomic uint64_t commit; /* the job's id, written last; 0: nothing there */
     _Atomic uint32_t words[SV_SLAB_WORDS]; /* data starts on a cache line behind them */
 };
@@ -45,6 +45,9 @@ static const int slab_seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
 enum sv_status sv_slab_map(int fd, struct sv_slab_map *map, struct sv_error *error)
 {
     struct stat st;
+    if (map->memory && fstat(fd, &st) == 0 && (uint64_t)st.st_ino == map->inode)
+        return SV_OK;
+    sv_slab_unmap(map);
     int seals = fcntl(fd, F_GET_SEALS);
     if (seals < 0 || (seals & (F_SEAL_SHRINK | F_SEAL_GROW)) != (F_SEAL_SHRINK | F_SEAL_GROW) ||
         fstat(fd, &st) || st.st_size < (off_t)sizeof(struct slab_head))
@@ -59,6 +62,7 @@ enum sv_status sv_slab_map(int fd, struct sv_slab_map *map, struct sv_error *err
     }
     *map = (struct sv_slab_map){.memory = head,
                                 .mapped_bytes = mapped,
+                                .inode = (uint64_t)st.st_ino,
                                 .words = head->words,
                                 .data = (uint8_t *)(head + 1),
                                 .capacity = mapped - sizeof *head};
@@ -72,22 +76,27 @@ void sv_slab_unmap(struct sv_slab_map *map)
     *map = (struct sv_slab_map){0};
 }
 
+enum sv_status sv_slab_put(struct sv_slab_map *map, uint64_t job, size_t at, const void *bytes, size_t size,
+                           struct sv_error *error)
+{
+    struct slab_head *head = map->memory;
+    if (at > map->capacity || size > map->capacity - at)
+        return sv_fail(error, SV_ELIMIT, "slab", "%zu bytes do not fit the %zu of the slab from %zu on", size,
+                       map->capacity, at);
+    if (size)
+        memcpy(map->data + at, bytes, size);
+    head->at = at;
+    head->size = size;
+    atomic_store_explicit(&head->commit, job, memory_order_release);
+    return SV_OK;
+}
+
 enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t size, struct sv_error *error)
 {
     struct sv_slab_map map = {0};
     enum sv_status status = sv_slab_map(fd, &map, error);
-    if (status != SV_OK)
-        return status;
-    if (size > map.capacity)
-        status =
-            sv_fail(error, SV_ELIMIT, "slab", "%zu bytes do not fit the %zu of the slab", size, map.capacity);
-    if (status == SV_OK) {
-        struct slab_head *head = map.memory;
-        if (size)
-            memcpy(map.data, bytes, size);
-        head->size = size;
-        atomic_store_explicit(&head->commit, job, memory_order_release);
-    }
+    if (status == SV_OK)
+        status = sv_slab_put(&map, job, 0, bytes, size, error);
     sv_slab_unmap(&map);
     return status;
 }
@@ -191,7 +200,7 @@ enum sv_status sv_slab_take(struct sv_slab_pool *pool, size_t bytes, struct sv_s
         if (status != SV_OK)
             return status;
     }
-    s->head->size = 0;
+    s->head->at = s->head->size = 0;
     atomic_store_explicit(&s->head->commit, 0, memory_order_relaxed);
     for (int k = 0; k < SV_SLAB_WORDS; k++)
         atomic_store_explicit(&s->head->words[k], 0, memory_order_relaxed);
@@ -209,14 +218,15 @@ enum sv_status sv_slab_read(const struct sv_slab *slab, uint64_t job, const void
                             struct sv_error *error)
 {
     uint64_t commit = atomic_load_explicit(&slab->head->commit, memory_order_acquire);
-    uint64_t n = slab->head->size; /* read once: the other side could write it again */
+    uint64_t n = slab->head->size, at = slab->head->at; /* read once: the other side could write them again */
     if (commit != job)
         return sv_fail(error, SV_EFORMAT, "slab", "commit word %llu, expected %llu",
                        (unsigned long long)commit, (unsigned long long)job);
-    if (n > slab->mapped_bytes - sizeof *slab->head)
-        return sv_fail(error, SV_EFORMAT, "slab", "%llu bytes in a slab of %zu", (unsigned long long)n,
-                       slab->mapped_bytes);
-    *bytes = slab->head + 1;
+    size_t capacity = slab->mapped_bytes - sizeof *slab->head;
+    if (at > capacity || n > capacity - at)
+        return sv_fail(error, SV_EFORMAT, "slab", "%llu bytes from %llu on in a slab of %zu", (unsigned long long)n,
+                       (unsigned long long)at, slab->mapped_bytes);
+    *bytes = (const uint8_t *)(slab->head + 1) + at;
     *size = (size_t)n;
     return SV_OK;
 }

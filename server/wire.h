@@ -136,7 +136,6 @@ struct sv_wire_view {
     int32_t band, bands;           /* of so many; 0, 1: all of the picture */
     int32_t band_first, band_rows; /* rows of the picture to draw; 0, height: all of it */
     uint32_t reserved;
-    uint64_t bands_at; /* several bands: where in the slab they are put together (server/bands.h) */
 };
 
 struct sv_wire_drawn {

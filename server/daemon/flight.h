@@ -56,7 +56,6 @@ struct sv_flight {
     struct sv_flight_part parts[SV_BANDS_MAX];
     int part_count;       /* 1: it is not split */
     struct sv_slab *slab; /* of a view that is split; else NULL */
-    size_t bands_at;      /* in it (bands.h) */
     bool orphaned;        /* a worker was killed with its scene process: it may still write to the slab */
     struct sv_wire_drawn answer; /* of the band that came last and has the picture, or of one that failed; id 0: none yet */
     struct sv_resolved_view resolved; /* from stage VIEW on */

@@ -17,8 +17,7 @@ void sv_split_flight(struct sv_service *service, struct sv_flight *flight)
     if (flight->slab || !sv_split_pays(&flight->request, &flight->resolved) || sv_queue_first(&service->queue) ||
         sv_crew_idle_count(&service->scenes.serving->crew) < SV_BANDS_MAX)
         return;
-    size_t encoded = sv_views_picture_bytes_max(&flight->request);
-    size_t bytes = sv_bands_bytes(&flight->request, encoded, &flight->bands_at);
+    size_t bytes = sv_bands_bytes(&flight->request) + sv_views_picture_bytes_max(&flight->request);
     if (sv_slab_take(service->slabs, bytes, &flight->slab, &error) != SV_OK) {
         flight->slab = NULL;
         return;
@@ -42,8 +41,7 @@ bool sv_split_start(struct sv_service *service, struct sv_flight *flight, struct
         struct sv_worker_band band = {.index = k,
                                       .count = flight->part_count,
                                       .row_first = p->row_first,
-                                      .row_count = p->row_count,
-                                      .at = flight->bands_at};
+                                      .row_count = p->row_count};
         for (; worker && !p->done && !p->running; worker = sv_crew_idle(&scene->crew))
             p->running = sv_worker_draw_band(worker, &flight->request, &flight->resolved, scene->epsg, &band,
                                              flight->slab, p);

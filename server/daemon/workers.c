@@ -433,7 +433,6 @@ static bool draw(struct sv_worker *worker, const struct sv_view_request *request
     message.view.bands = band->count;
     message.view.band_first = band->row_first;
     message.view.band_rows = band->row_count;
-    message.view.bands_at = band->at;
     return hand_over(worker, &message, SV_WIRE_DRAWN, sv_slab_fd(slab), work);
 }
 

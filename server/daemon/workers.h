@@ -108,7 +108,6 @@ bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *requ
 struct sv_worker_band {
     int index, count;
     int row_first, row_count;
-    size_t at; /* in the slab */
 };
 bool sv_worker_draw_band(struct sv_worker *worker, const struct sv_view_request *request,
                          const struct sv_resolved_view *view, int epsg, const struct sv_worker_band *band,

@@ -76,8 +76,8 @@ static void forget_times(struct sv_timings *timings)
 }
 
 /* All bands are there: the picture's bytes. */
-static enum sv_status end_bands(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd,
-                                const struct sv_bands_map *map, struct sv_wire_drawn *out)
+static enum sv_status end_bands(struct sv_backend *backend, const struct sv_wire_view *job,
+                                struct sv_bands_map *map, struct sv_wire_drawn *out)
 {
     struct sv_bands_part all = sv_bands_join(map->parts, job->bands);
     void *bytes = NULL;
@@ -85,10 +85,8 @@ static enum sv_status end_bands(struct sv_backend *backend, const struct sv_wire
     sv_hooks_before_encode(job->request.width, job->band);
     enum sv_status status = sv_backend_encode(backend, &job->request, &job->view, &map->picture, job->epsg, &all,
                                               &bytes, &size, &out->error);
-    if (status == SV_OK && size > job->bands_at)
-        status = sv_fail(&out->error, SV_ELIMIT, "slab", "%zu bytes do not fit before the bands", size);
     if (status == SV_OK)
-        status = sv_slab_write(slab_fd, job->head.id, bytes, size, &out->error);
+        status = sv_bands_end(map, &job->request, job->head.id, bytes, size, &out->error);
     free(bytes);
     out->timings = all.timings;
     out->stats = all.stats;
@@ -99,10 +97,10 @@ static enum sv_status end_bands(struct sv_backend *backend, const struct sv_wire
 static enum sv_status draw_band(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd,
                                 struct sv_wire_drawn *out)
 {
-    struct sv_bands_map map;
+    static struct sv_bands_map map;
     struct sv_bands_part part = {0};
     struct sv_picture rows = {0};
-    enum sv_status status = sv_bands_map(slab_fd, &job->request, (size_t)job->bands_at, &map, &out->error);
+    enum sv_status status = sv_bands_map(slab_fd, &job->request, &map, &out->error);
     if (status != SV_OK)
         return status;
     struct sv_backend_band band = {
@@ -115,8 +113,8 @@ static enum sv_status draw_band(struct sv_backend *backend, const struct sv_wire
             sv_image_free(&rows.layer[k]);
     }
     if (status == SV_OK && !out->part)
-        status = end_bands(backend, job, slab_fd, &map, out);
-    sv_bands_unmap(&map);
+        status = end_bands(backend, job, &map, out);
+    sv_bands_leave(&map);
     return status;
 }
 

@@ -51,6 +51,7 @@ class Bands(Case):
         self.check(d, answer.result())
         self.assertEqual(d.metric("views_drawn_total"), 2)
 
+    @daemon_alone
     def test_what_is_small_is_not_split(self):
         d = self.both_idle(self.start())
         d.hook("hold", "64")
@@ -61,6 +62,7 @@ class Bands(Case):
         d.unhook("hold")
         self.assertEqual([small.result().status, other.result().status], [200, 200])
 
+    @daemon_alone
     def test_a_view_that_waits_goes_first(self):
         d = self.both_idle(self.start())
         d.hook("hold", "64 %d" % WIDTH)
@@ -87,6 +89,7 @@ class Bands(Case):
             self.assertEqual(d.metric("workers_died_total"), 1)
             self.assertEqual(d.metric("views_drawn_total"), 2)
 
+    @daemon_alone
     def test_kill_of_the_band_that_is_drawn_while_the_other_is(self):
         d = self.both_idle(self.start())
         answer = self.split(d)
@@ -101,6 +104,7 @@ class Bands(Case):
         self.check(d, d.view(WIDTH))
         self.assertEqual(d.metric("workers_died_total"), 1)
 
+    @daemon_alone
     def test_a_band_that_kills_two_workers_kills_no_third(self):
         for listed in ["%d/1" % WIDTH, str(WIDTH)]:  # one band twice, or both at once
             d = self.both_idle(self.start())
@@ -114,6 +118,7 @@ class Bands(Case):
             self.both_idle(d)
             self.assertEqual(d.view(WIDTH, x=110).status, 200)
 
+    @daemon_alone
     def test_deadline_in_one_band_gives_up_both(self):
         d = self.both_idle(self.start())
         d.hook("hold", "%d/1" % WIDTH)
@@ -129,6 +134,7 @@ class Bands(Case):
         d.unhook("hold")
         self.check(d, d.view(WIDTH))
 
+    @daemon_alone
     def test_client_gone_lets_both_finish(self):
         d = self.both_idle(self.start())
         d.hook("hold", str(WIDTH))
@@ -142,6 +148,7 @@ class Bands(Case):
         self.assertIn("hit", answer.headers["Cache-Status"])
         self.check(d, answer)
 
+    @daemon_alone
     def test_client_gone_and_a_death_start_nothing_anew(self):
         d = self.both_idle(self.start())
         d.hook("hold", str(WIDTH))
@@ -154,6 +161,7 @@ class Bands(Case):
         d.unhook("hold")
         self.check(d, d.view(WIDTH))
 
+    @daemon_alone
     def test_a_scene_that_dies_under_both(self):
         d = self.both_idle(self.start())
         answer = self.split(d)
@@ -174,6 +182,7 @@ class Bands(Case):
         d.unhook("hold")
         self.check(d, answer.result())  # of the scene that it was begun with
 
+    @daemon_alone
     def test_a_death_while_the_scene_is_exchanged(self):
         changed = dict(SCENE, name="changed")
         d = self.both_idle(self.start())
@@ -201,6 +210,7 @@ class Bands(Case):
         answer = d.get("/v1/view?x=100&y=100&agl=10&width=1024&height=1024&format=png")
         self.assertEqual(answer.status, 200, answer.body)
 
+    @daemon_alone
     def test_sigterm_drains_both(self):
         d = self.both_idle(self.start())
         answer = self.split(d)
