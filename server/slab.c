@@ -14,7 +14,7 @@
 /* Classes are powers of two from 64 KiB: a 512 x 512 JPEG fits the least, and a slab is found again by its
  * size_class. */
 enum { CLASS_MIN_BITS = 16, CLASS_COUNT = 24, KEPT_A_CLASS = 8 };
-/* Pages beyond this that a picture touched go back to the system with the slab. */
+/* Pages beyond this that a picture touched go back to the system with the slab. 1024 x 768 pixels of bands fit. */
 enum { KEPT_RESIDENT_BYTES = 4 << 20 };
 
 struct slab_head {
