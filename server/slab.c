@@ -14,15 +14,15 @@
 /* Classes are powers of two from 64 KiB: a 512 x 512 JPEG fits the least, and a slab is found again by its
  * size_class. */
 enum { CLASS_MIN_BITS = 16, CLASS_COUNT = 24, KEPT_A_CLASS = 8 };
-/* Pages beyond this that a picture touched go back to the system with the slab. */
-enum { KEPT_RESIDENT_BYTES = 1 << 20 };
+/* Pages beyond this that a picture touched go back to the system with the slab. 1024 x 768 pixels of bands fit. */
+enum { KEPT_RESIDENT_BYTES = 4 << 20 };
 
 struct slab_head {
     uint64_t magic;
     uint64_t capacity;       /* bytes of data behind the head */
-    uint64_t size;           /* of the data */
+    uint64_t at, size;       /* of what was written: where in the data, and its bytes */
     _Atomic uint64_t commit; /* the job's id, written last; 0: nothing there */
-    char pad[32];            /* data starts on a cache line */
+    _Atomic uint32_t words[SV_SLAB_WORDS]; /* data starts on a cache line behind them */
 };
 
 struct sv_slab {
@@ -42,9 +42,12 @@ struct sv_slab_pool {
 
 static const int slab_seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
 
-enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t size, struct sv_error *error)
+enum sv_status sv_slab_map(int fd, struct sv_slab_map *map, struct sv_error *error)
 {
     struct stat st;
+    if (map->memory && fstat(fd, &st) == 0 && (uint64_t)st.st_ino == map->inode)
+        return SV_OK;
+    sv_slab_unmap(map);
     int seals = fcntl(fd, F_GET_SEALS);
     if (seals < 0 || (seals & (F_SEAL_SHRINK | F_SEAL_GROW)) != (F_SEAL_SHRINK | F_SEAL_GROW) ||
         fstat(fd, &st) || st.st_size < (off_t)sizeof(struct slab_head))
@@ -53,20 +56,48 @@ enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t siz
     struct slab_head *head = mmap(NULL, mapped, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
     if (head == MAP_FAILED)
         return sv_fail(error, SV_ENOMEM, "slab", "mapping %zu bytes: %s", mapped, strerror(errno));
-    enum sv_status status = SV_OK;
-    size_t capacity = mapped - sizeof *head;
-    if (head->magic != SLAB_MAGIC)
-        status = sv_fail(error, SV_EFORMAT, "slab", "the descriptor is no slab");
-    else if (size > capacity)
-        status =
-            sv_fail(error, SV_ELIMIT, "slab", "%zu bytes do not fit the %zu of the slab", size, capacity);
-    if (status == SV_OK) {
-        if (size)
-            memcpy(head + 1, bytes, size);
-        head->size = size;
-        atomic_store_explicit(&head->commit, job, memory_order_release);
+    if (head->magic != SLAB_MAGIC) {
+        munmap(head, mapped);
+        return sv_fail(error, SV_EFORMAT, "slab", "the descriptor is no slab");
     }
-    munmap(head, mapped);
+    *map = (struct sv_slab_map){.memory = head,
+                                .mapped_bytes = mapped,
+                                .inode = (uint64_t)st.st_ino,
+                                .words = head->words,
+                                .data = (uint8_t *)(head + 1),
+                                .capacity = mapped - sizeof *head};
+    return SV_OK;
+}
+
+void sv_slab_unmap(struct sv_slab_map *map)
+{
+    if (map->memory)
+        munmap(map->memory, map->mapped_bytes);
+    *map = (struct sv_slab_map){0};
+}
+
+enum sv_status sv_slab_put(struct sv_slab_map *map, uint64_t job, size_t at, const void *bytes, size_t size,
+                           struct sv_error *error)
+{
+    struct slab_head *head = map->memory;
+    if (at > map->capacity || size > map->capacity - at)
+        return sv_fail(error, SV_ELIMIT, "slab", "%zu bytes do not fit the %zu of the slab from %zu on", size,
+                       map->capacity, at);
+    if (size)
+        memcpy(map->data + at, bytes, size);
+    head->at = at;
+    head->size = size;
+    atomic_store_explicit(&head->commit, job, memory_order_release);
+    return SV_OK;
+}
+
+enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t size, struct sv_error *error)
+{
+    struct sv_slab_map map = {0};
+    enum sv_status status = sv_slab_map(fd, &map, error);
+    if (status == SV_OK)
+        status = sv_slab_put(&map, job, 0, bytes, size, error);
+    sv_slab_unmap(&map);
     return status;
 }
 
@@ -169,8 +200,10 @@ enum sv_status sv_slab_take(struct sv_slab_pool *pool, size_t bytes, struct sv_s
         if (status != SV_OK)
             return status;
     }
-    s->head->size = 0;
+    s->head->at = s->head->size = 0;
     atomic_store_explicit(&s->head->commit, 0, memory_order_relaxed);
+    for (int k = 0; k < SV_SLAB_WORDS; k++)
+        atomic_store_explicit(&s->head->words[k], 0, memory_order_relaxed);
     pool->lent_bytes += s->mapped_bytes;
     *slab = s;
     return SV_OK;
@@ -185,14 +218,15 @@ enum sv_status sv_slab_read(const struct sv_slab *slab, uint64_t job, const void
                             struct sv_error *error)
 {
     uint64_t commit = atomic_load_explicit(&slab->head->commit, memory_order_acquire);
-    uint64_t n = slab->head->size; /* read once: the other side could write it again */
+    uint64_t n = slab->head->size, at = slab->head->at; /* read once: the other side could write them again */
     if (commit != job)
         return sv_fail(error, SV_EFORMAT, "slab", "commit word %llu, expected %llu",
                        (unsigned long long)commit, (unsigned long long)job);
-    if (n > slab->mapped_bytes - sizeof *slab->head)
-        return sv_fail(error, SV_EFORMAT, "slab", "%llu bytes in a slab of %zu", (unsigned long long)n,
-                       slab->mapped_bytes);
-    *bytes = slab->head + 1;
+    size_t capacity = slab->mapped_bytes - sizeof *slab->head;
+    if (at > capacity || n > capacity - at)
+        return sv_fail(error, SV_EFORMAT, "slab", "%llu bytes from %llu on in a slab of %zu", (unsigned long long)n,
+                       (unsigned long long)at, slab->mapped_bytes);
+    *bytes = (const uint8_t *)(slab->head + 1) + at;
     *size = (size_t)n;
     return SV_OK;
 }

@@ -3,8 +3,8 @@
  * A slab is a memfd of fixed capacity, sealed against shrinking and growing, so that neither side can make
  * the other fault. It begins with a head; the worker writes the bytes first and the commit word (the job's
  * id) last. The daemon owns all slabs in a pool, counts their bytes against a budget, and uses them again. A
- * slab that a worker which may still live has mapped is never used again: sv_slab_discard it. One thread on
- * each side. */
+ * slab that a worker which may still live has in hand is never used again: sv_slab_discard it. Workers that put one picture
+ * together (bands.h) have one slab, and words in its head to agree by. One thread in each process. */
 #ifndef SV_SERVER_SLAB_H
 #define SV_SERVER_SLAB_H
 
@@ -13,6 +13,26 @@
 
 #include "core/base/error.h"
 
+/* Words that all who have a slab share, 0 when it is taken from the pool. */
+enum { SV_SLAB_WORDS = 6 };
+
+/* Worker's side: the slab mapped. Zero: none. */
+struct sv_slab_map {
+    void *memory;
+    size_t mapped_bytes;
+    uint64_t inode;          /* of its memfd: no other in the life of a process has that */
+    _Atomic uint32_t *words; /* SV_SLAB_WORDS */
+    uint8_t *data;           /* on a cache line */
+    size_t capacity;         /* of data, bytes */
+};
+/* Errors of sv_slab_write; fd stays the caller's. A map that is not zero is taken as it is when it is that slab's, else
+ * unmapped first: a page that is touched for the first time costs microseconds, so who is given the same slab again and
+ * again keeps it mapped, and leaves it alone meanwhile. */
+SV_MUST_CHECK enum sv_status sv_slab_map(int fd, struct sv_slab_map *map, struct sv_error *error);
+void sv_slab_unmap(struct sv_slab_map *map);
+/* Writes bytes into a mapped slab, from `at` of its data on, and commits them. SV_ELIMIT. */
+SV_MUST_CHECK enum sv_status sv_slab_put(struct sv_slab_map *map, uint64_t job, size_t at, const void *bytes,
+                                         size_t size, struct sv_error *error);
 /* Worker's side: writes bytes into the slab behind fd and commits them for that job. SV_ELIMIT when they do
  * not fit, SV_EFORMAT when fd is no sealed slab. fd stays the caller's. */
 SV_MUST_CHECK enum sv_status sv_slab_write(int fd, uint64_t job, const void *bytes, size_t size,

@@ -27,7 +27,7 @@
 #include "core/view/timings.h"
 
 #define SV_WIRE_MAGIC UINT32_C(0x53565751)
-enum { SV_WIRE_VERSION = 3 };
+enum { SV_WIRE_VERSION = 4 };
 
 #define SV_WIRE_LIST(X)                                    \
     X(SV_WIRE_READY, struct sv_wire_ready, ready)          \
@@ -133,15 +133,15 @@ struct sv_wire_view {
     struct sv_view_request request;
     struct sv_resolved_view view;
     int32_t epsg;
-    int32_t band_first,
-        band_rows; /* rows of the picture to draw; 0, height: all of it (the only value yet) */
+    int32_t band, bands;           /* of so many; 0, 1: all of the picture */
+    int32_t band_first, band_rows; /* rows of the picture to draw; 0, height: all of it */
     uint32_t reserved;
 };
 
 struct sv_wire_drawn {
     struct sv_wire_head head;
-    uint32_t status; /* enum sv_status; on SV_OK the slab is committed with the job's id */
-    uint32_t reserved;
+    uint32_t status; /* enum sv_status; on SV_OK the slab is committed with the job's id, */
+    uint32_t part;   /* unless this is not 0: the band is there, and others are not */
     uint64_t own_bytes; /* memory of the worker that it shares with nobody, after the job */
     struct sv_error error;
     struct sv_timings timings;

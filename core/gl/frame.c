@@ -79,6 +79,8 @@ enum sv_status sv_gl_frame_begin(struct sv_gl_frame *frame, struct sv_error *err
     struct frame_block block;
     sv_camera_clip_from_local(&frame->camera, frame->shift_x_px, frame->shift_y_px, &frame->clip_from_local);
     sv_camera_planes(&frame->camera, frame->planes);
+    int end = frame->row_count > 0 ? frame->row_first + frame->row_count : frame->camera.height;
+    sv_camera_band_planes(&frame->camera, frame->row_count > 0 ? frame->row_first : 0, end, frame->band_planes);
     fill_camera(frame, &block);
     fill_light(&frame->light, &block);
     gl.BindBuffer(GL_UNIFORM_BUFFER, frame_buffer());

@@ -13,8 +13,10 @@ struct sv_gl_frame {
     struct sv_camera camera;
     struct sv_light light;
     double shift_x_px, shift_y_px; /* the sample inside the pixel */
+    int row_first, row_count; /* of the picture, which are drawn (sv_gl_target_begin_rows); row_count 0: all */
     struct sv_mat4 clip_from_local;
-    double planes[5][4];
+    double planes[5][4];      /* of the whole picture, */
+    double band_planes[5][4]; /* and of the rows */
 };
 
 /* Derives matrices and planes from camera, light and shift, and uploads the uniform block. */

@@ -124,35 +124,75 @@ void sv_gl_target_begin(struct sv_gl_target *target)
     gl.ClearBufferfv(GL_DEPTH, 0, zero);
 }
 
-enum sv_status sv_gl_target_read(struct sv_gl_target *target, enum sv_layer layer, struct sv_image *out,
-                                 struct sv_error *error)
+/* Clearing all costs less than clearing through scissors. The window's origin is the picture's upper left corner
+ * (context.h), so that rows count downwards. */
+void sv_gl_target_begin_rows(struct sv_gl_target *target, int row_first, int row_count)
+{
+    sv_gl_target_begin(target);
+    if (row_first == 0 && row_count == target->height)
+        return;
+    gl.Enable(GL_SCISSOR_TEST);
+    gl.Scissor(0, row_first, target->width, row_count);
+}
+
+static bool holds_rows(const struct sv_gl_target *target, enum sv_layer layer, int row_first,
+                       const struct sv_image *image)
+{
+    const struct layer_format *f = &formats[layer];
+    return image->width == target->width && row_first >= 0 && image->height >= 1 &&
+           image->height <= target->height - row_first && image->channels == f->channels && image->type == f->type;
+}
+
+enum sv_status sv_gl_target_read_rows(struct sv_gl_target *target, enum sv_layer layer, int row_first,
+                                      struct sv_image *out, struct sv_error *error)
 {
     if (layer < 0 || layer >= SV_LAYER_COUNT || !target->buffers[layer])
         return sv_fail(error, SV_EINVAL, "target", "the framebuffer has no layer %d", (int)layer);
     const struct layer_format *f = &formats[layer];
-    if (out->width != target->width || out->height != target->height || out->channels != f->channels ||
-        out->type != f->type)
-        return sv_fail(error, SV_EINVAL, "target", "the image to read into is %d x %d x %d, not %d x %d x %d",
-                       out->width, out->height, out->channels, target->width, target->height, f->channels);
+    if (!holds_rows(target, layer, row_first, out))
+        return sv_fail(error, SV_EINVAL, "target",
+                       "the image to read into is %d x %d x %d from row %d on, the framebuffer %d x %d x %d", out->width,
+                       out->height, out->channels, row_first, target->width, target->height, f->channels);
     gl.BindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
     if (f->output >= 0)
         gl.ReadBuffer(f->attachment);
-    gl.ReadPixels(0, 0, target->width, target->height, f->read_format, f->read_type, out->data);
+    gl.ReadPixels(0, row_first, out->width, out->height, f->read_format, f->read_type, out->data);
     return sv_gl_check("reading a target", error);
+}
+
+static enum sv_status check_whole(const struct sv_gl_target *target, const struct sv_image *image,
+                                  struct sv_error *error)
+{
+    return image->height == target->height ? SV_OK
+                                           : sv_fail(error, SV_EINVAL, "target", "the image has %d rows, not %d",
+                                                     image->height, target->height);
+}
+
+enum sv_status sv_gl_target_read(struct sv_gl_target *target, enum sv_layer layer, struct sv_image *out,
+                                 struct sv_error *error)
+{
+    enum sv_status status = check_whole(target, out, error);
+    return status ? status : sv_gl_target_read_rows(target, layer, 0, out, error);
 }
 
 enum sv_status sv_gl_target_write(struct sv_gl_target *target, const struct sv_image *color,
                                   struct sv_error *error)
 {
+    enum sv_status status = check_whole(target, color, error);
+    return status ? status : sv_gl_target_write_rows(target, 0, color, error);
+}
+
+enum sv_status sv_gl_target_write_rows(struct sv_gl_target *target, int row_first, const struct sv_image *color,
+                                       struct sv_error *error)
+{
     const struct layer_format *f = &formats[SV_LAYER_COLOR];
-    if (!target->buffers[SV_LAYER_COLOR] || color->width != target->width ||
-        color->height != target->height || color->channels != f->channels || color->type != f->type)
+    if (!target->buffers[SV_LAYER_COLOR] || !holds_rows(target, SV_LAYER_COLOR, row_first, color))
         return sv_fail(error, SV_EINVAL, "target",
-                       "an image of %d x %d x %d is not this framebuffer's colour", color->width,
-                       color->height, color->channels);
+                       "an image of %d x %d x %d from row %d on is not this framebuffer's colour", color->width,
+                       color->height, color->channels, row_first);
     gl.ActiveTexture(GL_TEXTURE0);
     gl.BindTexture(GL_TEXTURE_2D, target->buffers[SV_LAYER_COLOR]);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, target->width, target->height, f->read_format, f->read_type,
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, row_first, color->width, color->height, f->read_format, f->read_type,
                      color->data);
     gl.BindTexture(GL_TEXTURE_2D, 0);
     return sv_gl_check("writing a target", error);

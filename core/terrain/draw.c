@@ -158,7 +158,8 @@ static void set_state(const struct sv_terrain_draw *draw, bool depth_only)
 enum sv_status sv_terrain_draw(struct sv_terrain_draw *draw, const struct sv_gl_frame *frame, double error_px,
                                bool depth_only, struct sv_terrain_draw_stats *stats, struct sv_error *error)
 {
-    enum sv_status status = sv_terrain_lod_refine(draw->lod, &frame->camera, error_px, &draw->mesh, error);
+    enum sv_status status = 
+        sv_terrain_lod_refine(draw->lod, &frame->camera, frame->band_planes, error_px, &draw->mesh, error);
     if (status)
         return status;
     if (draw->mesh.triangle_count) {

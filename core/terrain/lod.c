@@ -392,7 +392,7 @@ static void refine_field(struct refinement *r)
 }
 
 enum sv_status sv_terrain_lod_refine(const struct sv_terrain_lod *lod, const struct sv_camera *camera,
-                                     double error_px, struct sv_terrain_mesh *mesh, struct sv_error *error)
+                                     const double (*planes)[4], double error_px, struct sv_terrain_mesh *mesh, struct sv_error *error)
 {
     const struct sv_heightfield *f = lod->field;
     if (!(error_px >= 0))
@@ -409,7 +409,10 @@ enum sv_status sv_terrain_lod_refine(const struct sv_terrain_lod *lod, const str
                            .orthographic = camera->projection == SV_PROJECTION_ORTHOGRAPHIC};
     for (int n = 1; n < lod->side; n *= 2)
         r.depth += 2;
-    sv_camera_planes(camera, r.planes);
+    if (planes)
+        memcpy(r.planes, planes, sizeof r.planes);
+    else
+        sv_camera_planes(camera, r.planes);
     set_reach(&r, camera, error_px);
     mesh->vertex_count = mesh->triangle_count = 0;
     mesh->max_error_px = 0;

@@ -48,10 +48,12 @@ void sv_terrain_mesh_finish(struct sv_terrain_mesh *mesh);
  * detail) on the picture: for a vertical error e at depth Z at most e f s / Z px, where s is the largest
  * length in the picture, in focal lengths, of a unit vertical at depth 1 (never taken below 1), and Z is
  * bounded from below over the diamond's sphere. Orthographic: e times px per metre. Only triangles whose
- * sphere touches the view volume are there. SV_EINVAL for a bad error_px, SV_ELIMIT above 2^25 triangles,
+ * sphere touches the view volume are there: planes (NULL: the camera's) are its sides, as sv_camera_planes gives
+ * them. Which they are decides nothing about the triangles that are there. SV_EINVAL for a bad error_px, SV_ELIMIT above 2^25 triangles,
  * SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_terrain_lod_refine(const struct sv_terrain_lod *lod,
-                                                   const struct sv_camera *camera, double error_px,
+                                                   const struct sv_camera *camera, const double (*planes)[4],
+                                                   double error_px,
                                                    struct sv_terrain_mesh *mesh, struct sv_error *error);
 
 #endif

@@ -5,7 +5,7 @@
  * centres inside, eight pieces at a time, or eight pixels of a large piece. Pass 3 (settle) asks the alpha
  * mask and writes depth, piece and place in it. Pass 4 (shade) lights the pixels that the tree has won.
  *
- * Pixels are counted so that pixel (i, j) of the band has its centre at (i, j): with A, B, C the projected
+ * Pixels are counted so that pixel (i, j) of the picture has its centre at (i, j): with A, B, C the projected
  * coordinates (C = depth Z in metres), perspective: i = A / C, j = B / C; orthographic: i = A, j = B. A piece
  * hits the ray of pixel offset d = (x, y, 1) from the box's first pixel where P0 + s E1 + r E2 = t d, P0, E1
  * and E2 sheared so that this pixel is the axis: s = d.(E2 x P0) / d.N, r = d.(P0 x E1) / d.N, N = E1 x E2, 1
@@ -14,7 +14,8 @@
  * for E1, E2, and depth linear in s and r.
  *
  * The same arithmetic in the same order at every level, no fused multiply-add: pictures of all levels are
- * equal bit for bit. */
+ * equal bit for bit. So are bands of a picture: boxes and all that is linear in the pixel are the picture's,
+ * whatever band is drawn; a band leaves rows out, and its buffers begin at its first one. */
 #ifndef SV_TREE_LEAF_KERNEL_H
 #define SV_TREE_LEAF_KERNEL_H
 
@@ -62,8 +63,18 @@ struct sv_leaf_eye {
     float height_px;   /* of the tree at depth 1 m; orthographic: at any */
     float near_m;      /* perspective */
     float far_m;       /* orthographic */
-    int width, height; /* of the band, px */
+    int width, height;        /* of the picture, px */
+    int row_first, row_count; /* the band of it that is drawn */
 };
+
+/* Rows of the band that a box with ny rows from j0 has: the first and the end, counted from j0. */
+static inline bool sv_leaf_rows(const struct sv_leaf_eye *eye, int j0, int ny, int rows[2])
+{
+    int first = eye->row_first - j0, end = first + eye->row_count;
+    rows[0] = first > 0 ? first : 0;
+    rows[1] = end < ny ? end : ny;
+    return rows[0] < rows[1];
+}
 
 /* Thinning out: leaves of a rank below `upto` are there, those within `window` below it only begin to grow;
  * linear size at full growth is `scale`. */

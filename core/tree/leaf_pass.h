@@ -50,13 +50,13 @@ struct sv_leaf_pass {
     const struct sv_canvas *canvas; /* the band */
     const struct sv_tree *tree;
     const struct sv_leaf_splat_trees *trees;
-    /* Samples across and down a pixel; focal length in them; where the axis meets the band, in their
+    /* Samples across and down a pixel; focal length in them; where the axis meets the picture, in their
      * coordinates (leaf_kernel.h: a sample is a pixel there). */
     int across, down;
     double focal, focal_x, focal_y, center[2];
     int tiles_x;
     uint8_t *color;
-    int i0, j0, i1, j1; /* pixels that the tree can have touched */
+    int i0, j0, i1, j1; /* pixels that the tree can have touched, in the band */
     struct sv_leaf_splat_stats stats;
 };
 

@@ -80,6 +80,14 @@ static inline __m256 range(__m256 lo, __m256 hi, int size, __m256i *first, __m25
     return _mm256_and_ps(in_order(lo, hi), in_order(a, b));
 }
 
+/* The mask of boxes that have rows of the band. */
+static inline __m256 in_band(const struct sv_leaf_eye *eye, const struct boxes *box)
+{
+    __m256i first = _mm256_set1_epi32(eye->row_first), end = _mm256_set1_epi32(eye->row_first + eye->row_count);
+    __m256i above = _mm256_cmpgt_epi32(end, box->j0), below = _mm256_cmpgt_epi32(_mm256_add_epi32(box->j0, box->ny), first);
+    return _mm256_castsi256_ps(_mm256_and_si256(above, below));
+}
+
 /* Corners' extent in the picture, in any order of corners; least and most depth. */
 static inline void extent(const struct moved *m, bool card, bool orthographic, struct boxes *box,
                           __m256 *least, __m256 *most)
@@ -139,6 +147,7 @@ static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card
     }
     there = _mm256_and_ps(there, range(box.x0, box.x1, job->eye.width, &box.i0, &box.nx));
     there = _mm256_and_ps(there, range(box.y0, box.y1, job->eye.height, &box.j0, &box.ny));
+    there = _mm256_and_ps(there, in_band(&job->eye, &box));
     unsigned left = bits_of(there);
     if (!left)
         return;

@@ -18,6 +18,9 @@ static int queue_of(int nx, int ny)
 static void enqueue(struct sv_leaf_job *job, const struct sv_leaf_kernel *kernel, const float v[9],
                     const int box[4], uint32_t piece)
 {
+    int rows[2];
+    if (!sv_leaf_rows(&job->eye, box[1], box[3], rows))
+        return;
     int q = queue_of(box[2], box[3]);
     struct sv_leaf_queue *queue = &job->queue[q];
     int n = queue->count++;
@@ -221,11 +224,13 @@ static void raster_piece(struct sv_leaf_job *job, const struct sv_leaf_queue *qu
     struct planes p;
     (job->eye.orthographic ? set_orthographic : set_perspective)(&job->eye, v, i0, j0, &p);
     struct sv_leaf_hits *hits = &job->hits;
-    for (int y = 0; y < queue->ny[n]; y++)
+    int rows[2], top = queue->j0[n] - job->eye.row_first;
+    (void)sv_leaf_rows(&job->eye, queue->j0[n], queue->ny[n], rows);
+    for (int y = rows[0]; y < rows[1]; y++)
         for (int x = 0; x < queue->nx[n]; x++) {
             float fx = (float)x, fy = (float)y;
             float s = at(&p.s, fx, fy), r = at(&p.r, fx, fy), q = at(&p.q, fx, fy), d = at(&p.d, fx, fy);
-            size_t pixel = (size_t)(queue->j0[n] + y) * (size_t)job->eye.width + (size_t)(queue->i0[n] + x);
+            size_t pixel = (size_t)(top + y) * (size_t)job->eye.width + (size_t)(queue->i0[n] + x);
             if (!inside(s, r, q, job->card) || !(d > 0 && d <= 1 && d >= job->depth[pixel]))
                 continue;
             int m = hits->count++;

@@ -142,11 +142,14 @@ static inline void raster_eight(struct sv_leaf_job *job, const struct sv_leaf_qu
     const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), width = _mm256_set1_epi32(job->eye.width);
     int lanes = queue->count - n;
     nx = _mm256_and_si256(nx, _mm256_cmpgt_epi32(_mm256_set1_epi32(lanes), lane)); /* the queue's end */
-    __m256i pixel = _mm256_add_epi32(_mm256_mullo_epi32(j0, width), i0);
+    /* Rows above and below the band are not there. */
+    __m256i above = _mm256_sub_epi32(_mm256_set1_epi32(job->eye.row_first), j0);
+    ny = _mm256_min_epi32(ny, _mm256_add_epi32(above, _mm256_set1_epi32(job->eye.row_count)));
+    __m256i pixel = _mm256_sub_epi32(i0, _mm256_mullo_epi32(above, width));
     int columns = most_of(nx),
         rows = most_of(_mm256_and_si256(ny, _mm256_cmpgt_epi32(nx, _mm256_setzero_si256())));
     for (int ky = 0; ky < rows; ky++) {
-        __m256 row = more_than(ny, ky);
+        __m256 row = _mm256_andnot_ps(more_than(above, ky), more_than(ny, ky));
         for (int kx = 0; kx < columns; kx++)
             slot(job, &p, _mm256_and_ps(row, more_than(nx, kx)), kx, ky,
                  _mm256_add_epi32(pixel, _mm256_set1_epi32(kx)), piece, card);
@@ -271,11 +274,12 @@ static inline void raster_rows(struct sv_leaf_job *job, const struct sv_leaf_que
                                const struct planes *p, const struct spans *spans, bool card)
 {
     __m256i piece = _mm256_set1_epi32((int)queue->piece[n]);
-    int ny = queue->ny[n], pixel = queue->j0[n] * job->eye.width + queue->i0[n];
-    for (int y = 0; y < ny; y += LANES) {
+    int rows[2], pixel = (queue->j0[n] - job->eye.row_first) * job->eye.width + queue->i0[n];
+    (void)sv_leaf_rows(&job->eye, queue->j0[n], queue->ny[n], rows);
+    for (int y = rows[0]; y < rows[1]; y += LANES) {
         int32_t first[LANES], end[LANES];
         eight_spans(spans, y, queue->nx[n], first, end);
-        for (int k = 0; k < LANES && y + k < ny; k++)
+        for (int k = 0; k < LANES && y + k < rows[1]; k++)
             raster_span(job, p, pixel + (y + k) * job->eye.width, y + k, first[k], end[k], piece, card);
     }
 }

@@ -198,7 +198,7 @@ static void shade_pixel(const struct sv_leaf_paint *paint, uint32_t at)
     int i = (int)(at & 0xffff), j = (int)(at >> 16);
     size_t p = (size_t)j * (size_t)job->eye.width + (size_t)i;
     struct spot spot = spot_of(job->form, job->seen[p].piece - 1, job->seen[p].place);
-    struct sight sight = sight_of(paint, i, j, job->depth[p]);
+    struct sight sight = sight_of(paint, i, job->eye.row_first + j, job->depth[p]);
     float n[3], rgb[3], visible = visible_of(paint, &sight, &spot);
     normal_of(&spot, light->turn, n);
     albedo_of(paint, &spot, sight.z, rgb);

@@ -362,7 +362,8 @@ static inline void shade_eight(const struct sv_leaf_paint *paint, const uint32_t
     __m256i piece = _mm256_sub_epi32(gather(&job->seen->piece, twice), one);
     __m256i place = gather(&job->seen->place, twice);
     __m256 d = _mm256_i32gather_ps(job->depth, pixel, 4), n[3];
-    struct sights sights = sights_of(paint, i, j, d);
+    __m256i row = _mm256_add_epi32(j, _mm256_set1_epi32(job->eye.row_first));
+    struct sights sights = sights_of(paint, i, row, d);
     struct spots spots = spots_of(job->form, piece, place);
     __m256i code = light_of(paint, &sights, &spots, n);
     put_eight(paint, pixel, code, n);

@@ -214,7 +214,7 @@ static enum sv_status draw_band(struct sv_leaf_splat *splat, struct sv_leaf_pass
     bool many = pass->across * pass->down > 1;
     int width = band->width * pass->across, height = band->row_count * pass->down;
     pass->center[0] = (0.5 * camera->width - pass->view->shift_x_px) * pass->across - 0.5;
-    pass->center[1] = (0.5 * camera->height - pass->view->shift_y_px - band->row_first) * pass->down - 0.5;
+    pass->center[1] = (0.5 * camera->height - pass->view->shift_y_px) * pass->down - 0.5;
     pass->tiles_x = (width + TILE - 1) / TILE;
     size_t tiles = (size_t)pass->tiles_x * (size_t)((height + TILE - 1) / TILE);
     enum sv_status status = make_room(splat, (size_t)width * (size_t)height, tiles, error);

@@ -87,7 +87,9 @@ static void set_eye(const struct sv_leaf_pass *pass, struct sv_leaf_eye *eye)
     eye->near_m = (float)camera->near_m;
     eye->far_m = (float)camera->far_m;
     eye->width = pass->canvas->width * pass->across;
-    eye->height = pass->canvas->row_count * pass->down;
+    eye->height = pass->canvas->height * pass->down;
+    eye->row_first = pass->canvas->row_first * pass->down;
+    eye->row_count = pass->canvas->row_count * pass->down;
 }
 
 static void to_float3(struct sv_vec3 v, float out[3])
@@ -206,7 +208,7 @@ static bool see_cluster(const struct sv_leaf_pass *pass, const struct sv_leaf_jo
         }
     }
     return clip_range(x[0], x[1], eye->width, &seen->i0, &seen->i1) &&
-           clip_range(y[0], y[1], eye->height, &seen->j0, &seen->j1);
+           clip_range(y[0] - eye->row_first, y[1] - eye->row_first, eye->row_count, &seen->j0, &seen->j1);
 }
 
 /* The samples of a raw tile start with their pixels' depths and without colour. */
@@ -216,7 +218,7 @@ static void begin_tile(struct sv_leaf_splat *splat, const struct sv_leaf_pass *p
     const struct sv_leaf_eye *eye = &splat->job->eye;
     int i0 = tx * TILE, j0 = ty * TILE;
     int i1 = i0 + TILE < eye->width ? i0 + TILE : eye->width,
-        j1 = j0 + TILE < eye->height ? j0 + TILE : eye->height;
+        j1 = j0 + TILE < eye->row_count ? j0 + TILE : eye->row_count;
     for (int j = j0; j < j1; j++) {
         const float *from = band->depth + (size_t)(j / pass->down) * (size_t)band->width;
         size_t row = (size_t)j * (size_t)eye->width;
@@ -245,7 +247,7 @@ static float tile_least(struct sv_leaf_splat *splat, const struct sv_leaf_pass *
         begin_tile(splat, pass, tx, ty);
     if (splat->tile_state[tile] == SV_LEAF_TILE_OLD) {
         const struct sv_leaf_job *job = splat->job;
-        int i = tx * TILE, j = ty * TILE, w = job->eye.width - i, h = job->eye.height - j;
+        int i = tx * TILE, j = ty * TILE, w = job->eye.width - i, h = job->eye.row_count - j;
         splat->tile_far[tile] =
             pass->kernel->least(job->depth + (size_t)j * (size_t)job->eye.width + (size_t)i, job->eye.width,
                                 w < TILE ? w : TILE, h < TILE ? h : TILE);

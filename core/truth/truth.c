@@ -212,7 +212,7 @@ static void pixel_layers(const struct sv_truth_caster *caster, int i, int j, str
     sv_camera_ray(caster->camera, i + 0.5, j + 0.5, &origin, &direction);
     struct sv_truth_hit hit;
     cast(caster, sv_add(caster->eye_local, origin), direction, &hit);
-    size_t at = (size_t)j * (size_t)caster->camera->width + (size_t)i;
+    size_t at = (size_t)(j - caster->options->row_first) * (size_t)caster->camera->width + (size_t)i;
     if (layers & 1u << SV_LAYER_DEPTH)
         ((float *)picture->depth.data)[at] = hit.any ? (float)hit.depth_m : INFINITY;
     if (layers & 1u << SV_LAYER_NORMAL) {
@@ -268,7 +268,7 @@ enum sv_status sv_truth_render(const struct sv_truth *truth, const struct sv_cam
             if (options->layers & 1u << SV_LAYER_COLOR)
                 pixel_color(&caster, i, j,
                             (uint8_t *)picture->color.data +
-                                ((size_t)j * (size_t)camera->width + (size_t)i) * 4);
+                                ((size_t)(j - options->row_first) * (size_t)camera->width + (size_t)i) * 4);
             if (centre)
                 pixel_layers(&caster, i, j, picture);
         }

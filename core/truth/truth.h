@@ -20,13 +20,13 @@ struct sv_truth_options {
     bool trees;       /* false: terrain and objects */
     bool shadows;
     bool sky;         /* false: transparent where the sky is */
-    int row_first, row_count; /* band of destination rows */
+    int row_first, row_count; /* band of destination rows: the layers hold no others */
     /* Polled once a row; true stops with SV_ETIMEOUT. May be NULL. */
     bool (*stop)(void *context);
     void *stop_context;
 };
 
-/* Layers out; those not asked for stay untouched. Caller allocates, full picture size. COLOR is averaged in linear light, then sRGB, straight
+/* Layers out; those not asked for stay untouched. Caller allocates, the picture's columns and the band's rows. COLOR is averaged in linear light, then sRGB, straight
  * alpha; DEPTH, NORMAL and ID are of the pixel's first sample position set of one (the centre), never averaged. */
 struct sv_truth_picture {
     struct sv_image color;  /* u8 x 4 */

@@ -91,19 +91,25 @@ static void set_plane(double plane[4], struct sv_vec3 n, double d)
     plane[3] = d / length;
 }
 
+void sv_camera_band_planes(const struct sv_camera *camera, int row_first, int row_end, double planes[5][4])
+{
+    double f = sv_camera_focal_px(camera), middle = 0.5 * camera->height;
+    /* How far the sides are from the axis, outwards. */
+    double a = 0.5 * (camera->width + 1) / f, top = (middle - row_first + 0.5) / f,
+           bottom = (row_end - middle + 0.5) / f;
+    struct sv_vec3 r = camera->right, u = camera->up, z = camera->forward;
+    int ortho = is_orthographic(camera);
+    double turn = ortho ? 0 : 1, move = ortho ? 1 : 0;
+    set_plane(planes[0], sv_add(sv_scale(z, turn * a), r), move * a);
+    set_plane(planes[1], sv_sub(sv_scale(z, turn * a), r), move * a);
+    set_plane(planes[2], sv_sub(sv_scale(z, turn * top), u), move * top);
+    set_plane(planes[3], sv_add(sv_scale(z, turn * bottom), u), move * bottom);
+    set_plane(planes[4], z, ortho ? 0 : -camera->near_m);
+}
+
 void sv_camera_planes(const struct sv_camera *camera, double planes[5][4])
 {
-    double f = sv_camera_focal_px(camera);
-    double a = 0.5 * (camera->width + 1) / f, b = 0.5 * (camera->height + 1) / f;
-    struct sv_vec3 r = camera->right, u = camera->up, z = camera->forward, none = sv_vec3(0, 0, 0);
-    int ortho = is_orthographic(camera);
-    struct sv_vec3 along_x = ortho ? none : sv_scale(z, a), along_y = ortho ? none : sv_scale(z, b);
-    double dx = ortho ? a : 0, dy = ortho ? b : 0;
-    set_plane(planes[0], sv_add(along_x, r), dx);
-    set_plane(planes[1], sv_sub(along_x, r), dx);
-    set_plane(planes[2], sv_sub(along_y, u), dy);
-    set_plane(planes[3], sv_add(along_y, u), dy);
-    set_plane(planes[4], z, ortho ? 0 : -camera->near_m);
+    sv_camera_band_planes(camera, 0, camera->height, planes);
 }
 
 /* Owen's nested scrambling of the leading bits of v: every bit is flipped or not by a hash of those above it.

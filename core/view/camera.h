@@ -46,6 +46,8 @@ double sv_camera_focal_px(const struct sv_camera *camera);
  * (eye-relative) coordinates, normals of unit length: left, right, top, bottom, near (orthographic: the eye's
  * plane). The four sides stand half a pixel outside the picture, so that they hold for every sample shift. */
 void sv_camera_planes(const struct sv_camera *camera, double planes[5][4]);
+/* The same of rows row_first .. row_end - 1 alone: top and bottom stand half a pixel outside of these. */
+void sv_camera_band_planes(const struct sv_camera *camera, int row_first, int row_end, double planes[5][4]);
 
 /* Where the samples of one pixel lie, relative to its centre: the table that raster and ray casting share.
  * count is 1, 4, 16 or 64; offset k in px. One sample is the centre; others a jittered stratified pattern,

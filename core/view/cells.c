@@ -136,24 +136,18 @@ static bool has_objects(const struct sv_cells *c)
 static enum sv_status draw_ground_directly(struct sv_cells *c, const struct sv_cells_frame *f,
                                            struct sv_error *error)
 {
-    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_DEPTH, .sky = f->sky};
-    struct sv_picture picture = {0};
-    if (has_objects(c))
+    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_DEPTH,
+                                  .sky = f->sky,
+                                  .row_first = c->row_first,
+                                  .row_count = c->row_count};
+    struct sv_picture picture = {.layer[SV_LAYER_DEPTH] = {c->width, c->row_count, 1, SV_PIXEL_F32, c->depth}};
+    if (has_objects(c)) {
         pass.layers |= 1u << SV_LAYER_COLOR;
-    enum sv_status status = sv_picture_alloc(&f->view->camera, pass.layers, &picture, error);
-    if (!status)
-        status = sv_direct_draw(c->take.direct, f->view, &pass, &picture, NULL, error);
-    if (!status) {
-        size_t skip = (size_t)c->row_first * (size_t)c->width,
-               pixels = (size_t)c->row_count * (size_t)c->width;
-        memcpy(c->depth, (const float *)picture.layer[SV_LAYER_DEPTH].data + skip, pixels * sizeof *c->depth);
-        if (has_objects(c))
-            memcpy(c->rgba, (const uint8_t *)picture.layer[SV_LAYER_COLOR].data + 4 * skip, 4 * pixels);
-        else
-            memset(c->rgba, 0, 4 * pixels);
+        picture.layer[SV_LAYER_COLOR] = (struct sv_image){c->width, c->row_count, 4, SV_PIXEL_U8, c->rgba};
+    } else {
+        memset(c->rgba, 0, 4 * (size_t)c->row_count * (size_t)c->width);
     }
-    sv_picture_finish(&picture);
-    return status;
+    return sv_direct_draw(c->take.direct, f->view, &pass, &picture, NULL, error);
 }
 
 /* Ground sources among what is seen. No ground is before its cube's faces. */
@@ -347,18 +341,19 @@ enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_v
     return status;
 }
 
-enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view, bool sky,
-                             int row_first, int row_count, bool all, uint8_t *rgba,
+enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view,
+                             const struct sv_cells_draw_options *options, uint8_t *rgba,
                              struct sv_cells_report *report, struct sv_draw_stats *stats,
                              struct sv_error *error)
 {
     struct sv_cells *c = cells;
-    int height = view->camera.height, end = row_first + row_count;
+    int height = view->camera.height, first = options->row_first, end = first + options->row_count;
     struct sv_cells_frame f = {.view = view,
-                               .row_first = row_first > APRON ? row_first - APRON : 0,
+                               .row_first = first > APRON ? first - APRON : 0,
                                .row_end = end + APRON < height ? end + APRON : height,
-                               .sky = sky,
-                               .all = all,
+                               .sky = options->sky,
+                               .all = options->all,
+                               .bands = options->bands,
                                .most = UINT32_MAX,
                                .report = report};
     clear(report);
@@ -383,7 +378,7 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
     if (!status)
         status = shade_behind(c, &f, error);
     if (!status)
-        compose(c, row_first, row_count, rgba);
+        compose(c, first, options->row_count, rgba);
     since(c, report, SV_STAGE_COMPOSITE, t);
     return status;
 }

@@ -15,6 +15,7 @@
 #define SV_VIEW_CELLS_H
 
 #include "core/cell/cache.h"
+#include "core/view/bands.h"
 #include "core/view/direct.h"
 #include "core/view/panels.h"
 #include "core/view/picture.h"
@@ -51,13 +52,17 @@ struct sv_cells_report {
 bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers);
 /* This process, which was forked since, has that slot of the cache. */
 void sv_cells_use_slot(struct sv_cells *cells, unsigned slot);
-/* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB,
- * premultiplied; alpha 255 everywhere where sky is true). From all rings of panels, or, where `all` is false,
- * from those that are there or pay (core/cell/admit.h): SV_ENOENT, with nothing drawn, where that is none.
- * What no ring shows is drawn directly. A panel that others are building, or that the cache has no room for,
+struct sv_cells_draw_options {
+    bool sky;
+    bool all; /* from all rings of panels; else from those of the whole picture that are there or pay (core/cell/admit.h) */
+    int row_first, row_count;      /* at least one */
+    const struct sv_bands *bands;  /* others draw the other rows of the picture; NULL: nobody does */
+};
+/* Draws rows row_first .. row_first + row_count - 1 of a view into rgba (width * row_count * 4; sRGB, premultiplied;
+ * alpha 255 everywhere where sky is true). SV_ENOENT, with nothing drawn, where not all rings are asked for and none pays. What no ring shows is drawn directly. A panel that others are building, or that the cache has no room for,
  * is built for this view alone, in memory that goes with it. */
 SV_MUST_CHECK enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_view *view,
-                                           bool sky, int row_first, int row_count, bool all, uint8_t *rgba,
+                                           const struct sv_cells_draw_options *options, uint8_t *rgba,
                                            struct sv_cells_report *report, struct sv_draw_stats *stats,
                                            struct sv_error *error);
 /* Builds panels that the view needs and that are neither there nor being built by others, at most `most` of

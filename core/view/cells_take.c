@@ -201,8 +201,8 @@ static uint64_t key_of_ring(const struct sv_cells_frame *f, int ring)
                                                                  .scene = f->scene_key});
 }
 
-/* Which rings to draw from, by what is there of them. SV_ENOENT: none. Panels of the others are put back. */
-static enum sv_status choose_rings(struct sv_cells_take *t, struct sv_cells_frame *f, struct sv_error *error)
+/* How many rings to draw the picture from, by what is there of them. */
+static int admit(struct sv_cells_take *t, const struct sv_cells_frame *f)
 {
     const struct sv_camera *camera = &f->view->camera;
     struct sv_cell_admit_request request = {.now_s = now(t) * 1e-3,
@@ -218,21 +218,56 @@ static enum sv_status choose_rings(struct sv_cells_take *t, struct sv_cells_fram
         if (!find(t, &label, s))
             *(ground ? &request.ring[ring].ground : &request.ring[ring].crowns) += panel_work(f);
     }
-    struct sv_cell_admit_answer answer = sv_cell_cache_admit(t->options.cache, &request);
-    if (answer.level == 0)
+    return sv_cell_cache_admit(t->options.cache, &request).level;
+}
+
+/* Of several who draw the picture the first to ask decides. */
+static int agree(struct sv_cells_take *t, const struct sv_cells_frame *f)
+{
+    int level = f->bands ? f->bands->agree(f->bands->context, -1) : -1;
+    if (level >= 0)
+        return level;
+    level = admit(t, f);
+    return f->bands ? f->bands->agree(f->bands->context, level) : level;
+}
+
+/* Which rings to draw from. SV_ENOENT: none. Panels of the others are put back. */
+static enum sv_status choose_rings(struct sv_cells_take *t, struct sv_cells_frame *f, struct sv_error *error)
+{
+    int level = agree(t, f);
+    if (level == 0)
         return sv_fail(error, SV_ENOENT, "relief",
                        "no panels that are there, or worth building, save anything");
     int kept = 0;
     for (int k = 0; k < t->count; k++)
-        if (level_of(f, t->taken[k].ring) <= answer.level)
+        if (level_of(f, t->taken[k].ring) <= level)
             t->taken[kept++] = t->taken[k];
         else
             put_back(t, &t->taken[k]);
     t->count = kept;
-    f->first = f->at.rings.count - answer.level;
-    if (f->ground_ring >= 0 && level_of(f, f->ground_ring) > answer.level)
+    f->first = f->at.rings.count - level;
+    if (f->ground_ring >= 0 && level_of(f, f->ground_ring) > level)
         f->ground_ring = -1;
     return SV_OK;
+}
+
+/* What the rows do not see is put back. */
+static void keep_rows(struct sv_cells_take *t, struct sv_cells_frame *f)
+{
+    const struct sv_camera *camera = &f->view->camera;
+    int kept = 0;
+    if (f->row_first == 0 && f->row_end == camera->height)
+        return;
+    sv_camera_band_planes(camera, f->row_first, f->row_end, f->planes);
+    for (int k = 0; k < t->count; k++) {
+        const struct sv_taken *s = &t->taken[k];
+        double distance_m = f->at.rings.distance_m[s->ring] / (s->layer == SV_PANEL_GROUND ? 1 : 2);
+        if (face_in_view(f, f->at.chain[s->ring].v, distance_m, s->face))
+            t->taken[kept++] = *s;
+        else
+            put_back(t, &t->taken[k]);
+    }
+    t->count = kept;
 }
 
 /* What others are building is left for the end: two processes that want the same panels share the work. */
@@ -242,6 +277,7 @@ static enum sv_status obtain_all(struct sv_cells_take *t, struct sv_cells_frame 
     want_all(t, f);
     if (!f->all)
         status = choose_rings(t, f, error);
+    keep_rows(t, f);
     t->full = false;
     for (int round = 0; round < (f->ahead ? 1 : 2); round++)
         for (int k = 0; k < t->count && !status; k++)
@@ -266,22 +302,6 @@ static enum sv_status make_keys(const struct sv_cells_take *t, struct sv_cells_f
     return status;
 }
 
-/* Top and bottom of a band of rows, half a pixel outside of it as sv_camera_planes has them. */
-static void band_planes(const struct sv_camera *camera, int first, int end, double planes[5][4])
-{
-    double focal = sv_camera_focal_px(camera), middle = 0.5 * camera->height;
-    double top = (middle - first + 0.5) / focal, bottom = (middle - end - 0.5) / focal;
-    struct sv_vec3 below_top = sv_normalize(sv_sub(sv_scale(camera->forward, top), camera->up));
-    struct sv_vec3 above_bottom = sv_normalize(sv_sub(camera->up, sv_scale(camera->forward, bottom)));
-    const struct sv_vec3 normals[2] = {below_top, above_bottom};
-    for (int k = 0; k < 2; k++) {
-        planes[2 + k][0] = normals[k].x;
-        planes[2 + k][1] = normals[k].y;
-        planes[2 + k][2] = normals[k].z;
-        planes[2 + k][3] = 0;
-    }
-}
-
 /* Where the eye is among cells, and what all of its picture sees. */
 static enum sv_status look_around(struct sv_cells_take *t, struct sv_cells_frame *f, struct sv_error *error)
 {
@@ -300,11 +320,9 @@ static enum sv_status look_around(struct sv_cells_take *t, struct sv_cells_frame
 
 enum sv_status sv_cells_take_panels(struct sv_cells_take *t, struct sv_cells_frame *f, struct sv_error *error)
 {
-    const struct sv_resolved_view *view = f->view;
     enum sv_status status = look_around(t, f, error);
     if (status)
         return status;
-    band_planes(&view->camera, f->row_first, f->row_end, f->planes);
     f->report->id = key_of_ring(f, f->at.crowns_first);
     status = obtain_all(t, f, error);
     f->report->ground_direct = f->ground_ring < 0;

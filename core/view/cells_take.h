@@ -40,6 +40,7 @@ struct sv_cells_frame {
     int row_first, row_end; /* of the picture that is drawn */
     bool sky;
     bool all;      /* from all rings of panels; else from what pays */
+    const struct sv_bands *bands; /* NULL: all of the picture is drawn here */
     bool ahead;    /* only builds, */
     uint32_t most; /* so many panels */
     struct sv_cells_report *report;
@@ -50,7 +51,7 @@ struct sv_cells_frame {
     int size;
     struct sv_cell_light light;
     uint64_t light_key, scene_key;
-    double planes[5][4];
+    double planes[5][4]; /* of the whole picture, then of its rows */
 };
 
 /* Finds or builds the panels of a frame and holds them; tells the report the cell's id, the level, and what

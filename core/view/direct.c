@@ -239,20 +239,30 @@ enum sv_tree_form sv_direct_tree_form(enum sv_trees trees)
     return forms[trees];
 }
 
-static enum sv_status read_layers(struct sv_direct *r, unsigned layers, struct sv_picture *picture,
+static enum sv_status read_layers(struct sv_direct *r, const struct sv_direct_pass *pass, struct sv_picture *picture,
                                   struct sv_error *error)
 {
     enum sv_status status = SV_OK;
     for (int k = 0; k < SV_LAYER_COUNT && !status; k++)
-        if (layers & 1u << k)
-            status = sv_gl_target_read(r->targets[0].gl, (enum sv_layer)k, &picture->layer[k], error);
+        if (pass->layers & 1u << k)
+            status = sv_gl_target_read_rows(r->targets[0].gl, (enum sv_layer)k, pass->row_first, &picture->layer[k],
+                                            error);
     return status;
 }
 
+/* The first rows of an image, as many as the band has. */
+static struct sv_image band_of(const struct sv_image *image, const struct sv_direct_pass *pass)
+{
+    struct sv_image band = *image;
+    band.height = pass->row_count;
+    return band;
+}
+
 /* The picture as what trees are drawn over on the CPU; scratch is put where it lacks colour. */
-static enum sv_status canvas_of(struct sv_direct *r, struct sv_picture *picture, unsigned layers,
+static enum sv_status canvas_of(struct sv_direct *r, struct sv_picture *picture, const struct sv_direct_pass *pass,
                                 struct sv_image *scratch, struct sv_canvas *canvas, struct sv_error *error)
 {
+    unsigned layers = pass->layers;
     struct sv_image *depth =
         layers & 1u << SV_LAYER_DEPTH ? &picture->layer[SV_LAYER_DEPTH] : &r->targets[0].ground_depth;
     struct sv_image *color = layers & 1u << SV_LAYER_COLOR ? &picture->layer[SV_LAYER_COLOR] : scratch;
@@ -261,13 +271,16 @@ static enum sv_status canvas_of(struct sv_direct *r, struct sv_picture *picture,
     if (!depth->data)
         status = sv_image_alloc(width, height, 1, SV_PIXEL_F32, depth, error);
     if (!status && !color->data)
-        status = sv_image_alloc(width, height, 4, SV_PIXEL_U8, color, error);
-    if (!status && depth == &r->targets[0].ground_depth)
-        status = sv_gl_target_read(r->targets[0].gl, SV_LAYER_DEPTH, depth, error);
+        status = sv_image_alloc(width, pass->row_count, 4, SV_PIXEL_U8, color, error);
+    if (!status && depth == &r->targets[0].ground_depth) {
+        struct sv_image band = band_of(depth, pass);
+        status = sv_gl_target_read_rows(r->targets[0].gl, SV_LAYER_DEPTH, pass->row_first, &band, error);
+    }
     *canvas = (struct sv_canvas){
         .width = width,
         .height = height,
-        .row_count = height,
+        .row_first = pass->row_first,
+        .row_count = pass->row_count,
         .depth = depth->data,
         .color = color->data,
         .id = layers & 1u << SV_LAYER_ID ? picture->layer[SV_LAYER_ID].data : NULL,
@@ -301,15 +314,17 @@ static enum sv_status draw_trees(struct sv_direct *r, const struct sv_resolved_v
 
 /* Terrain, and the sky behind it. They come before the trees: their soft edges blend over it. */
 static enum sv_status draw_ground(struct sv_direct *r, const struct sv_resolved_view *view,
-                                  const struct sv_gl_frame *frame, bool shadows, bool sky, unsigned layers,
+                                  const struct sv_gl_frame *frame, bool shadows, const struct sv_direct_pass *pass,
                                   struct sv_terrain_draw_stats *stats, struct sv_error *error)
 {
-    bool depth_only = !(layers & (1u << SV_LAYER_ID | 1u << SV_LAYER_NORMAL));
+    struct direct_target *t = &r->targets[0];
+    bool depth_only = !(pass->layers & (1u << SV_LAYER_ID | 1u << SV_LAYER_NORMAL));
     enum sv_status status =
         sv_terrain_draw(r->terrain, frame, view->plan.terrain_error_px, depth_only, stats, error);
-    if (status || !(layers & 1u << SV_LAYER_COLOR))
+    if (status || !(pass->layers & 1u << SV_LAYER_COLOR))
         return status;
-    status = sv_gl_target_read(r->targets[0].gl, SV_LAYER_DEPTH, &r->targets[0].ground_depth, error);
+    struct sv_image depth = band_of(&t->ground_depth, pass), color = band_of(&t->ground_color, pass);
+    status = sv_gl_target_read_rows(t->gl, SV_LAYER_DEPTH, pass->row_first, &depth, error);
     if (status)
         return status;
     struct sv_ground_view ground = {.camera = &frame->camera,
@@ -317,10 +332,12 @@ static enum sv_status draw_ground(struct sv_direct *r, const struct sv_resolved_
                                     .shift_x_px = frame->shift_x_px,
                                     .shift_y_px = frame->shift_y_px,
                                     .shadows = shadows ? r->pages : NULL,
-                                    .sky = sky,
-                                    .depth = r->targets[0].ground_depth.data};
-    sv_ground_shade(r->ground, &ground, r->targets[0].ground_color.data);
-    return sv_gl_target_write(r->targets[0].gl, &r->targets[0].ground_color, error);
+                                    .sky = pass->sky,
+                                    .row_first = pass->row_first,
+                                    .row_count = pass->row_count,
+                                    .depth = depth.data};
+    sv_ground_shade(r->ground, &ground, color.data);
+    return sv_gl_target_write_rows(t->gl, pass->row_first, &color, error);
 }
 
 static void frame_of(const struct sv_resolved_view *view, double shift_x_px, double shift_y_px,
@@ -342,7 +359,7 @@ static enum sv_status draw_opaque(struct sv_direct *r, const struct sv_resolved_
 {
     struct sv_terrain_draw_stats terrain = {0};
     struct sv_object_draw_stats objects = {0};
-    enum sv_status status = draw_ground(r, view, frame, shadows, pass->sky, pass->layers, &terrain, error);
+    enum sv_status status = draw_ground(r, view, frame, shadows, pass, &terrain, error);
     if (!status && r->objects)
         status = draw_objects(r, view, frame, shadows, pass->layers, &objects, error);
     if (stats)
@@ -354,19 +371,24 @@ static enum sv_status draw_opaque(struct sv_direct *r, const struct sv_resolved_
 }
 
 enum sv_status sv_direct_draw(struct sv_direct *r, const struct sv_resolved_view *view,
-                              const struct sv_direct_pass *pass, struct sv_picture *picture,
+                              const struct sv_direct_pass *asked, struct sv_picture *picture,
                               struct sv_draw_stats *stats, struct sv_error *error)
 {
+    struct sv_direct_pass band = *asked;
+    const struct sv_direct_pass *pass = &band;
+    band.row_count = asked->row_count > 0 ? asked->row_count : view->camera.height;
     enum sv_status status = want_target(r, view->camera.width, view->camera.height, pass->layers, error);
     if (status)
         return status;
     struct sv_gl_frame frame;
     frame_of(view, pass->shift_x_px, pass->shift_y_px, &frame);
+    frame.row_first = pass->row_first;
+    frame.row_count = pass->row_count;
     bool shadows;
     status = prepare_shadows(r, view, &frame, &shadows, error);
     if (status)
         return status;
-    sv_gl_target_begin(r->targets[0].gl);
+    sv_gl_target_begin_rows(r->targets[0].gl, pass->row_first, pass->row_count);
     status = sv_gl_frame_begin(&frame, error);
     if (!status)
         status = draw_opaque(r, view, &frame, shadows, pass, stats, error);
@@ -375,11 +397,11 @@ enum sv_status sv_direct_draw(struct sv_direct *r, const struct sv_resolved_view
     if (!status && trees && !canvas_form)
         status = draw_trees(r, view, &frame, shadows, NULL, NULL, stats, error);
     if (!status)
-        status = read_layers(r, pass->layers, picture, error);
+        status = read_layers(r, pass, picture, error);
     if (!status && trees && canvas_form) {
         struct sv_image scratch = {0};
         struct sv_canvas canvas;
-        status = canvas_of(r, picture, pass->layers, &scratch, &canvas, error);
+        status = canvas_of(r, picture, pass, &scratch, &canvas, error);
         if (!status)
             status = draw_trees(r, view, &frame, shadows, NULL, &canvas, stats, error);
         sv_image_free(&scratch);

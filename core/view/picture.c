@@ -14,10 +14,16 @@ static const struct {
 enum sv_status sv_picture_alloc(const struct sv_camera *camera, unsigned layers, struct sv_picture *picture,
                                 struct sv_error *error)
 {
+    return sv_picture_alloc_rows(camera, camera->height, layers, picture, error);
+}
+
+enum sv_status sv_picture_alloc_rows(const struct sv_camera *camera, int row_count, unsigned layers,
+                                     struct sv_picture *picture, struct sv_error *error)
+{
     for (int k = 0; k < SV_LAYER_COUNT; k++) {
         if (!(layers & 1u << k))
             continue;
-        enum sv_status status = sv_image_alloc(camera->width, camera->height, layer_form[k].channels,
+        enum sv_status status = sv_image_alloc(camera->width, row_count, layer_form[k].channels,
                                                layer_form[k].type, &picture->layer[k], error);
         if (status)
             return status;

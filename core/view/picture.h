@@ -17,6 +17,9 @@ struct sv_picture {
  * it). */
 SV_MUST_CHECK enum sv_status sv_picture_alloc(const struct sv_camera *camera, unsigned layers,
                                               struct sv_picture *picture, struct sv_error *error);
+/* The same of row_count rows (at least one) of the camera's. */
+SV_MUST_CHECK enum sv_status sv_picture_alloc_rows(const struct sv_camera *camera, int row_count, unsigned layers,
+                                                   struct sv_picture *picture, struct sv_error *error);
 void sv_picture_finish(struct sv_picture *picture);
 
 #endif

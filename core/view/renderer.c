@@ -181,7 +181,7 @@ static void depth_to_metres(const struct sv_camera *camera, struct sv_image *dep
 
 /* Mean of several passes in linear light, at the sample positions that the ray caster uses too. */
 static enum sv_status draw_supersampled(struct sv_renderer *r, const struct sv_resolved_view *view, bool sky,
-                                        struct sv_picture *picture, struct sv_timings *timings,
+                                        const struct sv_renderer_band *band, struct sv_picture *picture, struct sv_timings *timings,
                                         struct sv_draw_stats *stats, struct sv_error *error)
 {
     struct sv_image *color = &picture->layer[SV_LAYER_COLOR];
@@ -194,7 +194,7 @@ static enum sv_status draw_supersampled(struct sv_renderer *r, const struct sv_r
     for (int k = 0; k < samples && !status; k++) {
         double dx, dy, since = now(r);
         sv_camera_sample_offset(samples, k, &dx, &dy);
-        struct sv_direct_pass pass = {1u << SV_LAYER_COLOR, sky, true, dx, dy};
+        struct sv_direct_pass pass = {1u << SV_LAYER_COLOR, sky, true, dx, dy, band->row_first, band->row_count};
         status = sv_direct_draw(r->direct, view, &pass, picture, stats, error);
         stage(r, timings, SV_STAGE_NEAR, since);
         since = now(r);
@@ -220,13 +220,13 @@ static enum sv_status draw_supersampled(struct sv_renderer *r, const struct sv_r
 }
 
 static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_request *request,
-                                  const struct sv_resolved_view *view, struct sv_picture *picture,
-                                  struct sv_timings *timings, struct sv_draw_stats *stats,
+                                  const struct sv_resolved_view *view, const struct sv_renderer_band *band,
+                                  struct sv_picture *picture, struct sv_timings *timings, struct sv_draw_stats *stats,
                                   struct sv_error *error)
 {
     unsigned layers = request->layers;
     if (view->plan.samples > 1 && layers & 1u << SV_LAYER_COLOR) {
-        enum sv_status status = draw_supersampled(r, view, request->sky, picture, timings, stats, error);
+        enum sv_status status = draw_supersampled(r, view, request->sky, band, picture, timings, stats, error);
         if (status)
             return status;
         layers &= ~(1u << SV_LAYER_COLOR);
@@ -234,7 +234,7 @@ static enum sv_status draw_raster(struct sv_renderer *r, const struct sv_view_re
     double since = now(r);
     enum sv_status status = SV_OK;
     if (layers) { /* depth, normal and id are never averaged: the pixel's centre decides */
-        struct sv_direct_pass pass = {layers, request->sky, true, 0, 0};
+        struct sv_direct_pass pass = {layers, request->sky, true, 0, 0, band->row_first, band->row_count};
         status = sv_direct_draw(r->direct, view, &pass, picture, stats, error);
         if (!status && layers & 1u << SV_LAYER_DEPTH)
             depth_to_metres(&view->camera, &picture->layer[SV_LAYER_DEPTH]);
@@ -280,16 +280,19 @@ static enum sv_status draw_paper(struct sv_renderer *r, const struct sv_view_req
 
 /* SV_ENOENT, with nothing drawn: to be drawn directly. */
 static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_request *request,
-                                 const struct sv_resolved_view *view, struct sv_picture *picture,
-                                 struct sv_timings *timings, struct sv_draw_stats *stats,
-                                 struct sv_error *error)
+                                 const struct sv_resolved_view *view, const struct sv_renderer_band *band,
+                                 struct sv_picture *picture, struct sv_timings *timings,
+                                 struct sv_draw_stats *stats, struct sv_draw_took *took, struct sv_error *error)
 {
     struct sv_cells_report report;
     uint8_t *rgba = picture->layer[SV_LAYER_COLOR].data;
     double since = now(r);
-    bool all = view->plan.relief == SV_RELIEF_ON;
-    enum sv_status status =
-        sv_cells_draw(r->cells, view, request->sky, 0, view->camera.height, all, rgba, &report, stats, error);
+    struct sv_cells_draw_options options = {.sky = request->sky,
+                                            .all = view->plan.relief == SV_RELIEF_ON,
+                                            .row_first = band->row_first,
+                                            .row_count = band->row_count,
+                                            .bands = band->bands};
+    enum sv_status status = sv_cells_draw(r->cells, view, &options, rgba, &report, stats, error);
     stats->cell = (struct sv_cell_use){.kind = SV_CELL_USE_BYPASS, .id = report.id};
     if (status)
         return status;
@@ -297,8 +300,7 @@ static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_req
     stats->cell.hits = report.hits;
     stats->cell.built = report.built;
     stats->cell.refined = report.refined;
-    double ms = now(r) - since - fmax(report.ms[SV_STAGE_CELL], 0);
-    sv_cell_cache_drawn(r->cache, pixels_of(view), report.level, ms * 1e-3);
+    *took = (struct sv_draw_took){report.level, now(r) - since - fmax(report.ms[SV_STAGE_CELL], 0)};
     r->report = report;
     add_stages(report.ms, timings);
     if (!request->sky)
@@ -307,8 +309,8 @@ static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_req
 }
 
 static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_request *request,
-                                   const struct sv_resolved_view *view, struct sv_picture *picture,
-                                   struct sv_timings *timings, struct sv_error *error)
+                                   const struct sv_resolved_view *view, const struct sv_renderer_band *band,
+                                   struct sv_picture *picture, struct sv_timings *timings, struct sv_error *error)
 {
     double since = now(r);
     enum sv_status status = want_truth(r, error);
@@ -322,8 +324,8 @@ static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_r
                                        .trees = view->plan.draw_trees,
                                        .shadows = view->plan.shadows,
                                        .sky = request->sky,
-                                       .row_first = 0,
-                                       .row_count = view->camera.height};
+                                       .row_first = band->row_first,
+                                       .row_count = band->row_count};
     struct sv_truth_picture out = {picture->layer[SV_LAYER_COLOR], picture->layer[SV_LAYER_DEPTH],
                                    picture->layer[SV_LAYER_NORMAL], picture->layer[SV_LAYER_ID]};
     status = sv_truth_render(r->truth, &view->camera, &light, &options, &out, error);
@@ -331,30 +333,40 @@ static enum sv_status draw_raycast(struct sv_renderer *r, const struct sv_view_r
     return status;
 }
 
-enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_view_request *request,
-                                const struct sv_resolved_view *view, struct sv_picture *out,
-                                struct sv_timings *timings, struct sv_draw_stats *stats,
-                                struct sv_error *error)
+void sv_renderer_drawn(struct sv_renderer *renderer, const struct sv_resolved_view *view,
+                       const struct sv_draw_took *took)
+{
+    if (renderer->cells && took->level >= 0)
+        sv_cell_cache_drawn(renderer->cache, pixels_of(view), took->level, took->ms * 1e-3);
+}
+
+enum sv_status sv_renderer_draw_band(struct sv_renderer *renderer, const struct sv_view_request *request,
+                                     const struct sv_resolved_view *view, const struct sv_renderer_band *band,
+                                     struct sv_picture *out, struct sv_timings *timings,
+                                     struct sv_draw_stats *stats, struct sv_draw_took *took,
+                                     struct sv_error *error)
 {
     struct sv_picture picture = {0};
     struct sv_draw_stats own = {0}, *told = stats ? stats : &own;
-    enum sv_status status = sv_picture_alloc(&view->camera, request->layers, &picture, error);
+    enum sv_status status =
+        sv_picture_alloc_rows(&view->camera, band->row_count, request->layers, &picture, error);
     bool can = view->plan.relief != SV_RELIEF_OFF && sv_cells_can(view, request->layers);
     bool paper = can && view->plan.relief == SV_RELIEF_PAPER, cells = can && !paper && renderer->cells;
     told->cell = (struct sv_cell_use){.kind = view->plan.relief == SV_RELIEF_ON ? SV_CELL_USE_BYPASS : SV_CELL_USE_NONE};
+    *took = (struct sv_draw_took){.level = -1};
     if (!status && view->plan.raycast)
-        status = draw_raycast(renderer, request, view, &picture, timings, error);
+        status = draw_raycast(renderer, request, view, band, &picture, timings, error);
     else if (!status)
-        status = cells   ? draw_cells(renderer, request, view, &picture, timings, told, error)
+        status = cells   ? draw_cells(renderer, request, view, band, &picture, timings, told, took, error)
                  : paper ? draw_paper(renderer, request, view, &picture, timings, told, error)
                          : SV_ENOENT;
     if (status == SV_ENOENT && !view->plan.raycast) {
         struct sv_cell_use cell = told->cell;
         double since = now(renderer);
-        status = draw_raster(renderer, request, view, &picture, timings, told, error);
+        status = draw_raster(renderer, request, view, band, &picture, timings, told, error);
         told->cell = cell;
-        if (renderer->cells && sv_cells_can(view, request->layers))
-            sv_cell_cache_drawn(renderer->cache, pixels_of(view), 0, (now(renderer) - since) * 1e-3);
+        if (sv_cells_can(view, request->layers))
+            *took = (struct sv_draw_took){0, now(renderer) - since};
     }
     if (status) {
         sv_picture_finish(&picture);
@@ -362,6 +374,20 @@ enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_vi
     }
     *out = picture;
     return SV_OK;
+}
+
+enum sv_status sv_renderer_draw(struct sv_renderer *renderer, const struct sv_view_request *request,
+                                const struct sv_resolved_view *view, struct sv_picture *picture,
+                                struct sv_timings *timings, struct sv_draw_stats *stats,
+                                struct sv_error *error)
+{
+    struct sv_renderer_band whole = {.row_count = view->camera.height};
+    struct sv_draw_took took;
+    enum sv_status status =
+        sv_renderer_draw_band(renderer, request, view, &whole, picture, timings, stats, &took, error);
+    if (!status)
+        sv_renderer_drawn(renderer, view, &took);
+    return status;
 }
 
 const struct sv_cells_report *sv_renderer_cells_report(const struct sv_renderer *renderer)

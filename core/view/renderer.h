@@ -4,6 +4,7 @@
 #define SV_VIEW_RENDERER_H
 
 #include "core/scene/patch_apply.h"
+#include "core/view/bands.h"
 #include "core/view/picture.h"
 #include "core/view/resolve.h"
 #include "core/view/timings.h"
@@ -36,6 +37,22 @@ SV_MUST_CHECK enum sv_status sv_renderer_draw(struct sv_renderer *renderer,
                                               const struct sv_resolved_view *view, struct sv_picture *picture,
                                               struct sv_timings *timings, struct sv_draw_stats *stats,
                                               struct sv_error *error);
+/* A band of rows of a view, for one of several processes that draw the picture. */
+struct sv_renderer_band {
+    int row_first, row_count;     /* row_count at least 1 */
+    const struct sv_bands *bands; /* what they share; NULL: all of the picture is drawn here */
+};
+/* The band alone, byte for byte as in the whole: layers of its rows. Views of sv_bands_can; else the band is the whole. Whoever has all bands tells what they took together (sv_renderer_drawn). stats
+ * and timings may be NULL. */
+SV_MUST_CHECK enum sv_status sv_renderer_draw_band(struct sv_renderer *renderer,
+                                                   const struct sv_view_request *request,
+                                                   const struct sv_resolved_view *view,
+                                                   const struct sv_renderer_band *band, struct sv_picture *picture,
+                                                   struct sv_timings *timings, struct sv_draw_stats *stats,
+                                                   struct sv_draw_took *took, struct sv_error *error);
+/* What a whole picture took, for choices to come. */
+void sv_renderer_drawn(struct sv_renderer *renderer, const struct sv_resolved_view *view,
+                       const struct sv_draw_took *took);
 /* For a process that was forked since: its slot of the cells' cache. Negative: it has none, and draws every view
  * directly. */
 void sv_renderer_use_cells_slot(struct sv_renderer *renderer, int slot);

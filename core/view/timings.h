@@ -57,6 +57,13 @@ static inline bool sv_cell_use_refined(const struct sv_cell_use *use)
     return use->built == 0 && use->refined == use->hits;
 }
 
+/* What drawing took, without the building of panels, and from what level of cells (core/cell/admit.h); level negative:
+ * nothing that is to be remembered. */
+struct sv_draw_took {
+    int32_t level;
+    double ms;
+};
+
 struct sv_draw_stats {
     uint32_t terrain_triangles;
     uint32_t near_trees,

@@ -48,6 +48,9 @@ struct sv_flight *sv_flight_create(struct sv_flights *flights, uint64_t scene_ve
     memcpy(flight->canonical, canonical, bytes + 1);
     flight->request = *request;
     flight->plan_ms = -1;
+    flight->part_count = 1;
+    for (int k = 0; k < SV_BANDS_MAX; k++)
+        flight->parts[k].flight = flight;
     enter(flights, flight, scene_version);
     flight->previous = flights->last;
     *(flights->last ? &flights->last->next : &flights->first) = flight;

@@ -13,8 +13,10 @@
 #include "api/canonical.h"
 #include "core/view/request.h"
 #include "core/view/resolved.h"
+#include "server/bands.h"
 #include "server/daemon/loop.h"
 #include "server/daemon/queue.h"
+#include "server/wire.h"
 
 struct sv_flight;
 
@@ -27,6 +29,14 @@ struct sv_waiter {
 };
 
 enum sv_flight_stage { SV_FLIGHT_RESOLVE, SV_FLIGHT_VIEW };
+
+/* What one worker has of a flight in hand: all of it, or a band of its rows. The work that crews know. */
+struct sv_flight_part {
+    struct sv_flight *flight;
+    bool running;
+    bool done; /* a band: its rows are in the slab */
+    int row_first, row_count;
+};
 
 struct sv_flight {
     struct sv_flight *next, *previous; /* of all flights, oldest first */
@@ -42,7 +52,12 @@ struct sv_flight {
     double plan_ms;     /* resolving; negative: from memory */
     enum sv_flight_stage stage;
     int deaths; /* workers that died on it by themselves */
-    bool running;
+    bool running; /* any part of it */
+    struct sv_flight_part parts[SV_BANDS_MAX];
+    int part_count;       /* 1: it is not split */
+    struct sv_slab *slab; /* of a view that is split; else NULL */
+    bool orphaned;        /* a worker was killed with its scene process: it may still write to the slab */
+    struct sv_wire_drawn answer; /* of the band that came last and has the picture, or of one that failed; id 0: none yet */
     struct sv_resolved_view resolved; /* from stage VIEW on */
     struct sv_queue_item item;
     struct sv_timer unwanted; /* its owner's: kills the job that nobody waits for any more */

@@ -11,6 +11,7 @@
 #include "api/describe.h"
 #include "api/view_parse.h"
 #include "server/daemon/reply.h"
+#include "server/daemon/split.h"
 #include "server/log.h"
 
 /* A view that lost two workers is not given a third. */
@@ -38,9 +39,19 @@ static struct view_task *task_of(struct sv_waiter *waiter)
     return (struct view_task *)(void *)waiter;
 }
 
+/* Of all of its parts that run. */
+static void kill_workers(struct sv_service *service, struct sv_flight *flight, const char *why)
+{
+    for (int k = 0; k < flight->part_count; k++)
+        if (flight->parts[k].running)
+            sv_scenes_kill_work(&service->scenes, &flight->parts[k], why);
+}
+
+/* None of its workers comes back to it. */
 static void drop_flight(struct sv_service *service, struct sv_flight *flight)
 {
     sv_loop_disarm(service->loop, &flight->unwanted);
+    sv_split_forget(flight, flight->running || flight->orphaned);
     sv_queue_remove(&service->queue, &flight->item);
     sv_flight_destroy(&service->flights, flight);
 }
@@ -57,7 +68,7 @@ static void flight_was_left(struct sv_service *service, struct sv_flight *flight
         return;
     }
     if (deadline_passed) {
-        sv_scenes_kill_work(&service->scenes, flight, "its job passed the deadline");
+        kill_workers(service, flight, "its job passed the deadline");
         drop_flight(service, flight);
         return;
     }
@@ -475,11 +486,17 @@ size_t sv_views_picture_bytes_max(const struct sv_view_request *request)
            65536; /* containers and incompressible rows add under 1 part in 64, and a head */
 }
 
-/* Gives the flight to the worker; false: it stays in the queue, and nothing more can be handed over now. */
+/* Gives the flight to the worker, and to others if it is split; false: it stays in the queue, and nothing more can be
+ * handed over now. */
 static bool start_view(struct sv_service *service, struct sv_flight *flight, struct sv_worker *worker)
 {
     struct sv_slab *slab;
     struct sv_error error;
+    sv_split_flight(service, flight);
+    if (flight->slab) {
+        sv_split_start(service, flight, worker);
+        return true;
+    }
     enum sv_status status =
         sv_slab_take(service->slabs, sv_views_picture_bytes_max(&flight->request), &slab, &error);
     if (status == SV_ELIMIT && strcmp(error.field, "slab") == 0) {
@@ -491,12 +508,11 @@ static bool start_view(struct sv_service *service, struct sv_flight *flight, str
             sv_log(SV_LOG_ERROR, "views", "out of memory");
         return false;
     }
-    if (sv_worker_draw(worker, &flight->request, &flight->resolved, service->scenes.serving->epsg, slab,
-                       flight)) {
-        flight->running = true;
-        return true;
-    }
-    sv_slab_give(slab);
+    flight->running = sv_worker_draw(worker, &flight->request, &flight->resolved, service->scenes.serving->epsg,
+                                     slab, &flight->parts[0]);
+    flight->parts[0].running = flight->running;
+    if (!flight->running)
+        sv_slab_give(slab);
     return true; /* that worker is gone; the next idle one is tried */
 }
 
@@ -515,7 +531,8 @@ static bool start_flight(struct sv_service *service, struct sv_flight *flight, s
     }
     if (flight->stage == SV_FLIGHT_VIEW)
         return start_view(service, flight, worker);
-    flight->running = sv_worker_resolve(worker, &flight->request, flight);
+    flight->running = sv_worker_resolve(worker, &flight->request, &flight->parts[0]);
+    flight->parts[0].running = flight->running;
     return true;
 }
 
@@ -558,10 +575,42 @@ void sv_views_idle(void *context)
     sv_views_pump_soon(context);
 }
 
+/* A worker has come back with that part, or is lost: its flight. */
+static struct sv_flight *part_back(struct sv_flight_part *part)
+{
+    struct sv_flight *flight = part->flight;
+    part->running = false;
+    flight->running = false;
+    for (int k = 0; k < flight->part_count; k++)
+        flight->running = flight->running || flight->parts[k].running;
+    return flight;
+}
+
+/* What came back, or was lost, waits for a worker again; another scene may serve meanwhile. */
+static void queue_again(struct sv_service *service, struct sv_flight *flight)
+{
+    sv_loop_disarm(service->loop, &flight->unwanted);
+    if (!flight->waiters) {
+        drop_flight(service, flight);
+        return;
+    }
+    const struct sv_scene_process *scene = service->scenes.serving;
+    bool other = scene && scene->version != flight->scene_version;
+    if (other || flight->orphaned)
+        sv_split_forget(flight, flight->orphaned);
+    flight->orphaned = false;
+    if (other)
+        sv_flight_rebind(&service->flights, flight, scene->version);
+    sv_queue_return(&service->queue, &flight->item,
+                    flight->stage == SV_FLIGHT_VIEW ? SV_QUEUE_VIEW : SV_QUEUE_RESOLVE, true,
+                    sv_loop_now_ms());
+    sv_views_pump_soon(service);
+}
+
 void sv_views_resolved(void *context, void *work, const struct sv_wire_resolved *answer)
 {
     struct sv_service *service = context;
-    struct sv_flight *flight = work;
+    struct sv_flight *flight = part_back(work);
     struct sv_memo_answer known = {.status = sv_wire_status(answer->status),
                                    .view = answer->view,
                                    .error = answer->error,
@@ -571,7 +620,6 @@ void sv_views_resolved(void *context, void *work, const struct sv_wire_resolved 
     sv_metrics_count(&service->metrics, SV_COUNT_RESOLVED);
     sv_api_canonical_resolve(&flight->request, place);
     sv_memo_keep(service->memo, flight->scene_version, place, &known);
-    flight->running = false;
     flight->plan_ms = answer->plan_ms;
     if (known.status != SV_OK) {
         end_flight_with_error(service, flight, &known);
@@ -600,15 +648,31 @@ static void flight_drawn(struct sv_service *service, struct sv_flight *flight,
     drop_flight(service, flight);
 }
 
-void sv_views_drawn(void *context, void *work, const struct sv_wire_drawn *answer, struct sv_slab *slab,
-                    uint64_t job)
+static void view_drawn(struct sv_service *service, struct sv_flight *flight, const struct sv_wire_drawn *answer,
+                       struct sv_slab *slab, uint64_t job);
+
+/* No band is under way: the picture is told, or what of it was lost is drawn again. */
+static void bands_back(struct sv_service *service, struct sv_flight *flight)
 {
-    struct sv_service *service = context;
-    struct sv_flight *flight = work;
+    if (flight->running)
+        return;
+    if (flight->answer.head.id == 0) {
+        queue_again(service, flight);
+        return;
+    }
+    struct sv_slab *slab = flight->slab;
+    flight->slab = NULL;
+    flight->part_count = 1;
+    view_drawn(service, flight, &flight->answer, slab, flight->answer.head.id);
+}
+
+/* All of the view is drawn, and lies in the slab, which is taken. */
+static void view_drawn(struct sv_service *service, struct sv_flight *flight, const struct sv_wire_drawn *answer,
+                       struct sv_slab *slab, uint64_t job)
+{
     struct sv_memo_answer failed = {.status = sv_wire_status(answer->status), .error = answer->error};
     const void *bytes = NULL;
     size_t size = 0;
-    flight->running = false;
     sv_loop_disarm(service->loop, &flight->unwanted);
     sv_queue_served(&service->queue, sv_loop_now_ms() - flight->started_ms);
     if (failed.status == SV_OK)
@@ -634,13 +698,44 @@ void sv_views_drawn(void *context, void *work, const struct sv_wire_drawn *answe
     sv_picture_unref(picture);
 }
 
+/* A band is back: what it says of the picture, or of its failure, is kept until all are. */
+static void band_drawn(struct sv_service *service, struct sv_flight *flight, struct sv_flight_part *part,
+                       const struct sv_wire_drawn *answer, uint64_t job)
+{
+    enum sv_status status = sv_wire_status(answer->status);
+    part->done = status == SV_OK;
+    if (flight->answer.head.id == 0 && (status != SV_OK || !answer->part)) {
+        flight->answer = *answer;
+        flight->answer.head.id = job;
+    }
+    bands_back(service, flight);
+}
+
+void sv_views_drawn(void *context, void *work, const struct sv_wire_drawn *answer, struct sv_slab *slab,
+                    uint64_t job)
+{
+    struct sv_service *service = context;
+    struct sv_flight_part *part = work;
+    struct sv_flight *flight = part_back(part);
+    if (flight->slab)
+        band_drawn(service, flight, part, answer, job);
+    else
+        view_drawn(service, flight, answer, slab, job);
+}
+
 void sv_views_lost(void *context, void *work, bool by_itself)
 {
     struct sv_service *service = context;
-    struct sv_flight *flight = work;
-    flight->running = false;
-    sv_loop_disarm(service->loop, &flight->unwanted);
-    if (by_itself && ++flight->deaths >= DEATHS_MAX) {
+    struct sv_flight *flight = part_back(work);
+    flight->deaths += by_itself;
+    flight->orphaned = flight->orphaned || !by_itself;
+    if (flight->running)
+        return;
+    if (flight->slab && flight->answer.head.id != 0 && !flight->orphaned) {
+        bands_back(service, flight);
+        return;
+    }
+    if (flight->deaths >= DEATHS_MAX) {
         char key[SV_API_CANONICAL_MAX + 20];
         refusal_key(flight, key);
         sv_lru_put(service->refused, key, service, 1); /* any pointer: being there is what counts */
@@ -649,17 +744,7 @@ void sv_views_lost(void *context, void *work, bool by_itself)
                              "it is not tried again with this version of the scene", 0);
         return;
     }
-    if (!flight->waiters) {
-        drop_flight(service, flight);
-        return;
-    }
-    const struct sv_scene_process *scene = service->scenes.serving;
-    if (scene && scene->version != flight->scene_version)
-        sv_flight_rebind(&service->flights, flight, scene->version);
-    sv_queue_return(&service->queue, &flight->item,
-                    flight->stage == SV_FLIGHT_VIEW ? SV_QUEUE_VIEW : SV_QUEUE_RESOLVE, true,
-                    sv_loop_now_ms());
-    sv_views_pump_soon(service);
+    queue_again(service, flight);
 }
 
 void sv_views_rebind(struct sv_service *service)
@@ -670,6 +755,7 @@ void sv_views_rebind(struct sv_service *service)
             continue;
         double since = f->item.since_ms;
         sv_queue_remove(&service->queue, &f->item);
+        sv_split_forget(f, false);
         sv_flight_rebind(&service->flights, f, version);
         sv_queue_return(&service->queue, &f->item, SV_QUEUE_RESOLVE, false, since);
     }
@@ -681,7 +767,7 @@ void sv_views_give_up(struct sv_service *service, enum sv_problem_kind kind, con
     while (service->flights.first) {
         struct sv_flight *flight = service->flights.first;
         if (flight->running)
-            sv_scenes_kill_work(&service->scenes, flight, detail);
+            kill_workers(service, flight, detail);
         end_flight_with_kind(service, flight, kind, detail, 1);
     }
 }

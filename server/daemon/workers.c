@@ -379,6 +379,14 @@ size_t sv_crew_busy(const struct sv_crew *crew)
     return count;
 }
 
+size_t sv_crew_idle_count(const struct sv_crew *crew)
+{
+    size_t count = 0;
+    for (const struct sv_worker *w = crew->workers; w; w = w->next)
+        count += w->state == SV_WORKER_IDLE;
+    return count;
+}
+
 uint64_t sv_crew_own_bytes(const struct sv_crew *crew)
 {
     uint64_t bytes = 0;
@@ -388,10 +396,10 @@ uint64_t sv_crew_own_bytes(const struct sv_crew *crew)
 }
 
 static bool hand_over(struct sv_worker *worker, const union sv_wire_message *message, enum sv_wire_type awaits,
-                      struct sv_slab *slab, void *work)
+                      int slab_fd, void *work)
 {
     struct sv_error error;
-    if (sv_wire_send(worker->fd, message, slab ? sv_slab_fd(slab) : -1, &error) != SV_OK) {
+    if (sv_wire_send(worker->fd, message, slab_fd, &error) != SV_OK) {
         worker_lost(worker, error.message);
         return false;
     }
@@ -399,7 +407,7 @@ static bool hand_over(struct sv_worker *worker, const union sv_wire_message *mes
     worker->job = message->head.id;
     worker->awaits = awaits;
     worker->stopped = false;
-    worker->slab = slab;
+    worker->slab = NULL;
     worker->work = work;
     return true;
 }
@@ -409,19 +417,39 @@ bool sv_worker_resolve(struct sv_worker *worker, const struct sv_view_request *r
     union sv_wire_message message;
     sv_wire_init(&message, SV_WIRE_RESOLVE, next_id++);
     message.resolve.request = *request;
-    return hand_over(worker, &message, SV_WIRE_RESOLVED, NULL, work);
+    return hand_over(worker, &message, SV_WIRE_RESOLVED, -1, work);
 }
 
-bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *request,
-                    const struct sv_resolved_view *view, int epsg, struct sv_slab *slab, void *work)
+static bool draw(struct sv_worker *worker, const struct sv_view_request *request,
+                 const struct sv_resolved_view *view, int epsg, const struct sv_worker_band *band,
+                 const struct sv_slab *slab, void *work)
 {
     union sv_wire_message message;
     sv_wire_init(&message, SV_WIRE_VIEW, next_id++);
     message.view.request = *request;
     message.view.view = *view;
     message.view.epsg = epsg;
-    message.view.band_rows = request->height;
-    return hand_over(worker, &message, SV_WIRE_DRAWN, slab, work);
+    message.view.band = band->index;
+    message.view.bands = band->count;
+    message.view.band_first = band->row_first;
+    message.view.band_rows = band->row_count;
+    return hand_over(worker, &message, SV_WIRE_DRAWN, sv_slab_fd(slab), work);
+}
+
+bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *request,
+                    const struct sv_resolved_view *view, int epsg, struct sv_slab *slab, void *work)
+{
+    const struct sv_worker_band whole = {.count = 1, .row_count = request->height};
+    bool taken = draw(worker, request, view, epsg, &whole, slab, work);
+    worker->slab = taken ? slab : NULL;
+    return taken;
+}
+
+bool sv_worker_draw_band(struct sv_worker *worker, const struct sv_view_request *request,
+                         const struct sv_resolved_view *view, int epsg, const struct sv_worker_band *band,
+                         const struct sv_slab *slab, void *work)
+{
+    return draw(worker, request, view, epsg, band, slab, work);
 }
 
 bool sv_worker_build(struct sv_worker *worker, const struct sv_view_request *request, uint32_t most, void *work)
@@ -430,7 +458,7 @@ bool sv_worker_build(struct sv_worker *worker, const struct sv_view_request *req
     sv_wire_init(&message, SV_WIRE_BUILD, next_id++);
     message.build.request = *request;
     message.build.most = most;
-    return hand_over(worker, &message, SV_WIRE_BUILT, NULL, work);
+    return hand_over(worker, &message, SV_WIRE_BUILT, -1, work);
 }
 
 bool sv_worker_refine(struct sv_worker *worker, const struct sv_view_request *request, int samples, void *work)
@@ -439,7 +467,7 @@ bool sv_worker_refine(struct sv_worker *worker, const struct sv_view_request *re
     sv_wire_init(&message, SV_WIRE_REFINE, next_id++);
     message.refine.request = *request;
     message.refine.samples = samples;
-    return hand_over(worker, &message, SV_WIRE_REFINED, NULL, work);
+    return hand_over(worker, &message, SV_WIRE_REFINED, -1, work);
 }
 
 void sv_crew_kill(struct sv_crew *crew, const void *work, const char *why)

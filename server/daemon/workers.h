@@ -48,7 +48,7 @@ struct sv_crew_events {
     void *context;
     void (*idle)(void *context); /* a worker waits for work */
     void (*resolved)(void *context, void *work, const struct sv_wire_resolved *answer);
-    /* slab: taken over by the callee. */
+    /* slab: taken over by the callee; NULL: it has it (sv_worker_draw_band). */
     void (*drawn)(void *context, void *work, const struct sv_wire_drawn *answer, struct sv_slab *slab,
                   uint64_t job);
     /* Of sv_worker_build; the work that it is about is another one than that of the others. */
@@ -95,6 +95,7 @@ struct sv_worker *sv_crew_idle(struct sv_crew *crew);
 struct sv_worker *sv_crew_find(struct sv_crew *crew, uint64_t id); /* NULL: gone */
 size_t sv_crew_alive(const struct sv_crew *crew); /* forked and not leaving */
 size_t sv_crew_busy(const struct sv_crew *crew);
+size_t sv_crew_idle_count(const struct sv_crew *crew);
 uint64_t sv_crew_own_bytes(const struct sv_crew *crew);
 
 /* Hands an idle worker a job; false: it did not take it (it is dying; `work` stays the caller's). */
@@ -103,6 +104,14 @@ bool sv_worker_resolve(struct sv_worker *worker, const struct sv_view_request *r
  * slab stays the caller's. */
 bool sv_worker_draw(struct sv_worker *worker, const struct sv_view_request *request,
                     const struct sv_resolved_view *view, int epsg, struct sv_slab *slab, void *work);
+/* One of several bands of a view, put together in the slab (bands.h), which stays the caller's: `drawn` comes without. */
+struct sv_worker_band {
+    int index, count;
+    int row_first, row_count;
+};
+bool sv_worker_draw_band(struct sv_worker *worker, const struct sv_view_request *request,
+                         const struct sv_resolved_view *view, int epsg, const struct sv_worker_band *band,
+                         const struct sv_slab *slab, void *work);
 /* Builds at most `most` of the panels that the view would be drawn from. */
 bool sv_worker_build(struct sv_worker *worker, const struct sv_view_request *request, uint32_t most, void *work);
 /* Refines one of the panels that the view is drawn from, or goes on with one that was stopped. */

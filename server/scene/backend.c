@@ -406,3 +406,25 @@ enum sv_status sv_backend_draw(struct sv_backend *backend, const struct sv_view_
     sv_picture_finish(&picture);
     return status;
 }
+
+enum sv_status sv_backend_draw_band(struct sv_backend *backend, const struct sv_view_request *request,
+                                    const struct sv_resolved_view *view, const struct sv_backend_band *band,
+                                    struct sv_picture *picture, struct sv_bands_part *part, struct sv_error *error)
+{
+    struct sv_renderer_band rows = {
+        .row_first = band->row_first, .row_count = band->row_count, .bands = &band->shared};
+    memset(picture, 0, sizeof *picture);
+    return sv_renderer_draw_band(backend->renderer, request, view, &rows, picture, &part->timings, &part->stats,
+                                 &part->took, error);
+}
+
+enum sv_status sv_backend_encode(struct sv_backend *backend, const struct sv_view_request *request,
+                                 const struct sv_resolved_view *view, const struct sv_picture *picture, int epsg,
+                                 struct sv_bands_part *part, void **bytes, size_t *size, struct sv_error *error)
+{
+    double start = now_ms();
+    sv_renderer_drawn(backend->renderer, view, &part->took);
+    enum sv_status status = sv_picture_encode(picture, request, view, epsg, bytes, size, error);
+    part->timings.ms[SV_STAGE_ENCODE] = now_ms() - start;
+    return status;
+}

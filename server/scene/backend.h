@@ -16,6 +16,7 @@
 #include "core/view/request.h"
 #include "core/view/resolved.h"
 #include "core/view/timings.h"
+#include "server/bands.h"
 #include "server/cells_memory.h"
 
 struct sv_backend;
@@ -76,6 +77,21 @@ SV_MUST_CHECK enum sv_status sv_backend_resolve(struct sv_backend *backend,
                                                 const struct sv_view_request *request,
                                                 struct sv_resolved_view *view, bool *has_ground,
                                                 double *ground_z, struct sv_error *error);
+/* Rows of a view for one of several workers that draw it (server/bands.h). */
+struct sv_backend_band {
+    int row_first, row_count;
+    struct sv_bands shared;
+};
+/* Heap layers of these rows; sv_image_free them. Timings start as "did not run". */
+SV_MUST_CHECK enum sv_status sv_backend_draw_band(struct sv_backend *backend, const struct sv_view_request *request,
+                                                  const struct sv_resolved_view *view,
+                                                  const struct sv_backend_band *band, struct sv_picture *picture,
+                                                  struct sv_bands_part *part, struct sv_error *error);
+/* Heap bytes of the picture that bands were put together to; part: what all of them told, to which it adds. */
+SV_MUST_CHECK enum sv_status sv_backend_encode(struct sv_backend *backend, const struct sv_view_request *request,
+                                               const struct sv_resolved_view *view, const struct sv_picture *picture,
+                                               int epsg, struct sv_bands_part *part, void **bytes, size_t *size,
+                                               struct sv_error *error);
 /* Heap bytes of the encoded picture. Timings start as "did not run". */
 SV_MUST_CHECK enum sv_status sv_backend_draw(struct sv_backend *backend,
                                              const struct sv_view_request *request,

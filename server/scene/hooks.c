@@ -22,14 +22,17 @@ static void path_of(const char *name, char path[1200])
     snprintf(path, 1200, "%s/%s", hook_folder, name);
 }
 
-static bool is_listed(const char *name, int width)
+static bool is_listed(const char *name, int width, int band)
 {
     char path[1200], word[32];
     bool listed = false;
     path_of(name, path);
     FILE *file = fopen(path, "re");
     while (file && !listed && fscanf(file, "%31s", word) == 1)
-        listed = strcmp(word, "all") == 0 || atoi(word) == width;
+    {
+        const char *slash = strchr(word, '/');
+        listed = strcmp(word, "all") == 0 || (atoi(word) == width && (!slash || atoi(slash + 1) == band));
+    }
     if (file)
         fclose(file);
     return listed;
@@ -55,18 +58,28 @@ static void tell_held(bool held)
         close(fd);
 }
 
-void sv_hooks_before_draw(int width)
+void sv_hooks_before_draw(int width, int band)
 {
     if (!hook_folder)
         return;
-    if (is_listed("crash", width))
+    if (is_listed("crash", width, band))
         raise(SIGKILL);
-    if (!is_listed("hold", width))
+    if (!is_listed("hold", width, band))
         return;
     tell_held(true);
-    while (is_listed("hold", width))
+    while (is_listed("hold", width, band))
         nanosleep(&look_again, NULL);
     tell_held(false);
+}
+
+void sv_hooks_before_encode(int width, int band)
+{
+    char path[1200];
+    if (!hook_folder || !is_listed("crash-encode", width, band))
+        return;
+    path_of("crash-encode", path);
+    unlink(path);
+    raise(SIGKILL);
 }
 
 void sv_hooks_after_patch(void)

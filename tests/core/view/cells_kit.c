@@ -182,7 +182,8 @@ struct sv_image cells_kit_draw(const struct cells_kit *kit, const struct sv_reso
     struct sv_image image;
     struct sv_draw_stats stats = {0};
     must(sv_image_alloc(view->camera.width, view->camera.height, 4, SV_PIXEL_U8, &image, &error), &error);
-    must(sv_cells_draw(kit->cells, view, true, 0, view->camera.height, true, image.data, report, &stats,
+    struct sv_cells_draw_options options = {.sky = true, .all = true, .row_count = view->camera.height};
+    must(sv_cells_draw(kit->cells, view, &options, image.data, report, &stats,
                        &error),
          &error);
     return image;

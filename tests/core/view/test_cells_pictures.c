@@ -207,7 +207,8 @@ static void bands_are_parts_of_the_whole(void **state)
         struct sv_image whole = cells_kit_draw(&kit, &view, &report);
         for (size_t b = 0; b + 1 < sizeof cuts / sizeof *cuts; b++) {
             int rows = cuts[b + 1] - cuts[b];
-            if (sv_cells_draw(kit.cells, &view, true, cuts[b], rows, true, band, &report, &stats, &error))
+            struct sv_cells_draw_options options = {.sky = true, .all = true, .row_first = cuts[b], .row_count = rows};
+            if (sv_cells_draw(kit.cells, &view, &options, band, &report, &stats, &error))
                 fail_msg("%s", error.message);
             const uint8_t *part = (const uint8_t *)whole.data + (size_t)cuts[b] * SIDE * 4;
             assert_memory_equal(band, part, rows * SIDE * 4);
