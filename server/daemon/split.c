@@ -3,7 +3,9 @@
 #include "server/daemon/service.h"
 #include "server/daemon/views.h"
 
-/* Smaller pictures are not worth a second worker. */
+/* Smaller pictures are not worth a second worker. forest_bands, 45,000 trees, from cells, processor ms of the whole and of
+ * the longer half: 0.9 and 0.8 of 64 x 64, where handing over costs as much as that saves; 0.9 and 0.7 (flight), 8.8
+ * and 7.0 (walk) of 128 x 128; 14 and 10 (flight), 36 and 24 (walk) of 512 x 512. */
 enum { PIXELS_MIN = 128 * 128 };
 
 bool sv_split_pays(const struct sv_view_request *request, const struct sv_resolved_view *view)
