@@ -6,7 +6,8 @@
 
 enum { LINE = 64, WORD_DONE = 0, WORD_LEVEL = 1 };
 enum { HEAD_BYTES = (SV_BANDS_MAX * sizeof(struct sv_bands_part) + LINE - 1) / LINE * LINE };
-/* A worker keeps no larger slab mapped when it has drawn: with its memory it would go to another only when the next one comes. */
+/* A worker keeps no larger slab mapped when it has drawn: with its memory it would go to another only when
+ * the next one comes. */
 enum { MAPPED_BYTES_MAX = 32 << 20 };
 
 static size_t on_line(size_t bytes)

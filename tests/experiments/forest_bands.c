@@ -1,11 +1,12 @@
-/* forest_bands.c - what a picture costs when two draw it: the processor time of its upper and its lower half against
- * that of the whole, of poses over (15 m/s at 40 m) and in (1.4 m/s at 1.7 m) the forest of table 2, warm.
+/* forest_bands.c - what a picture costs when two draw it: the processor time of its upper and its lower half
+ * against that of the whole, of poses over (15 m/s at 40 m) and in (1.4 m/s at 1.7 m) the forest of table 2,
+ * warm.
  *
  *   forest_bands [--trees N] [--frames N] [--size WxH] [--scene FILE] [--forms on,off,raycast]
  *
- * Each pose is drawn whole, as its upper half and as its lower half, in turns of order, after all of them were drawn
- * once; halves are compared with the whole byte for byte. Medians of processor milliseconds. longer: of the two halves,
- * what a client waits for; sum: both over the whole. */
+ * Each pose is drawn whole, as its upper half and as its lower half, in turns of order, after all of them
+ * were drawn once; halves are compared with the whole byte for byte. Medians of processor milliseconds.
+ * longer: of the two halves, what a client waits for; sum: both over the whole. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -100,7 +101,8 @@ static void measure(const struct forest *forest, const struct setup *setup, bool
     double m[PARTS];
     for (int part = 0; part < PARTS; part++)
         m[part] = forest_median(ms[part], setup->frames);
-    printf("%-6s %-7s processor ms, medians: whole %7.2f  upper %7.2f  lower %7.2f  longer %7.2f  sum of halves %.2fx\n",
+    printf("%-6s %-7s processor ms, medians: whole %7.2f  upper %7.2f  lower %7.2f  longer %7.2f  sum of "
+           "halves %.2fx\n",
            walk ? "walk" : "flight", NAMES[form], m[WHOLE], m[UPPER], m[LOWER],
            forest_median(longer, setup->frames), forest_median(sum, setup->frames));
     fflush(stdout);
@@ -109,7 +111,8 @@ static void measure(const struct forest *forest, const struct setup *setup, bool
 
 static struct setup parse(int argc, char **argv)
 {
-    struct setup s = {.trees = 45000, .frames = 30, .width = 512, .height = 512, .forms = {true, true, false}};
+    struct setup s = {
+        .trees = 45000, .frames = 30, .width = 512, .height = 512, .forms = {true, true, false}};
     for (int k = 1; k + 1 < argc; k += 2) {
         if (strcmp(argv[k], "--trees") == 0)
             s.trees = (uint32_t)atol(argv[k + 1]);

@@ -1,5 +1,6 @@
-/* test_bands_memory.c - two who share a slab put a picture together: rows, who has it whole, what they agree on and what
- * they tell together; a band that comes twice; a slab that is too small, and one that stays mapped. */
+/* test_bands_memory.c - two who share a slab put a picture together: rows, who has it whole, what they agree
+ * on and what they tell together; a band that comes twice; a slab that is too small, and one that stays
+ * mapped. */
 #include "server/bands.h"
 
 #include <setjmp.h>
@@ -39,7 +40,8 @@ static struct sv_picture rows_of(int first, int count)
     } layers[] = {{SV_LAYER_COLOR, 4, SV_PIXEL_U8}, {SV_LAYER_NORMAL, 3, SV_PIXEL_F32}};
     for (int k = 0; k < 2; k++) {
         struct sv_image *image = &rows.layer[layers[k].layer];
-        assert_int_equal(sv_image_alloc(WIDTH, count, layers[k].channels, layers[k].type, image, NULL), SV_OK);
+        assert_int_equal(sv_image_alloc(WIDTH, count, layers[k].channels, layers[k].type, image, NULL),
+                         SV_OK);
         size_t bytes = sv_image_bytes(image), skip = bytes / (size_t)count * (size_t)first;
         for (size_t n = 0; n < bytes; n++)
             ((uint8_t *)image->data)[n] = byte_of(layers[k].layer, skip + n);
@@ -196,8 +198,10 @@ static void what_they_tell_together(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_last_one_has_the_picture), cmocka_unit_test(a_slab_that_is_used_again_begins_anew),
-        cmocka_unit_test(the_first_decides),            cmocka_unit_test(what_does_not_fit_is_refused),
+        cmocka_unit_test(the_last_one_has_the_picture),
+        cmocka_unit_test(a_slab_that_is_used_again_begins_anew),
+        cmocka_unit_test(the_first_decides),
+        cmocka_unit_test(what_does_not_fit_is_refused),
         cmocka_unit_test(what_they_tell_together),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,6 +1,6 @@
-/* test_bands.c - a band of rows of a view is its part of the whole picture, byte for byte, in every way of drawing
- * that is split: directly, ray cast, in all layers, sampled once and often, both projections. (From relief cells:
- * test_cells_pictures.c.) */
+/* test_bands.c - a band of rows of a view is its part of the whole picture, byte for byte, in every way of
+ * drawing that is split: directly, ray cast, in all layers, sampled once and often, both projections. (From
+ * relief cells: test_cells_pictures.c.) */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -55,7 +55,8 @@ static struct sv_view_request request_of(const struct stage *stage, double agl, 
     return r;
 }
 
-static struct sv_picture draw(const struct stage *stage, const struct sv_view_request *request, int first, int rows)
+static struct sv_picture draw(const struct stage *stage, const struct sv_view_request *request, int first,
+                              int rows)
 {
     struct sv_error error = {0};
     struct sv_resolved_view view;
@@ -82,7 +83,8 @@ static void check(const struct stage *stage, const struct sv_view_request *reque
                 continue;
             assert_int_equal(part->height, cuts[b + 1] - cuts[b]);
             size_t row = sv_image_bytes(all) / SIDE;
-            assert_memory_equal(part->data, (const uint8_t *)all->data + (size_t)cuts[b] * row, sv_image_bytes(part));
+            assert_memory_equal(part->data, (const uint8_t *)all->data + (size_t)cuts[b] * row,
+                                sv_image_bytes(part));
         }
         sv_picture_finish(&band);
     }
@@ -142,8 +144,8 @@ static void ray_cast(void **state)
 static void not_all_ways(void **state)
 {
     struct stage *stage = *state;
-    static const enum sv_trees by_gl[] = {SV_TREES_POLYGON, SV_TREES_BILLBOARD, SV_TREES_INDIRECT, SV_TREES_DENSITY,
-                                          SV_TREES_DENSITY_PAPER};
+    static const enum sv_trees by_gl[] = {SV_TREES_POLYGON, SV_TREES_BILLBOARD, SV_TREES_INDIRECT,
+                                          SV_TREES_DENSITY, SV_TREES_DENSITY_PAPER};
     struct sv_error error;
     struct sv_resolved_view view;
     struct sv_view_request r = request_of(stage, 8, -8);
@@ -158,7 +160,8 @@ static void not_all_ways(void **state)
     assert_false(sv_bands_can(&view));
 }
 
-/* Points that a row's pixels see are inside of the planes of its band, and those of rows beside it outside. */
+/* Points that a row's pixels see are inside of the planes of its band, and those of rows beside it outside.
+ */
 static void planes_are_the_rows(void **state)
 {
     (void)state;
@@ -179,7 +182,8 @@ static void planes_are_the_rows(void **state)
             sv_camera_ray(&camera, 20.5, row + 0.5, &origin, &direction);
             struct sv_vec3 p = sv_madd(origin, direction, 100);
             for (int n = 0; n < 5; n++)
-                inside = inside && planes[n][0] * p.x + planes[n][1] * p.y + planes[n][2] * p.z + planes[n][3] >= 0;
+                inside = inside &&
+                         planes[n][0] * p.x + planes[n][1] * p.y + planes[n][2] * p.z + planes[n][3] >= 0;
             bool far_off = row < 6 || row > 19; /* rows 6 and 19: within half a pixel */
             assert_true(inside == (row >= 7 && row < 19) || !far_off);
         }
@@ -189,9 +193,12 @@ static void planes_are_the_rows(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(directly),        cmocka_unit_test(in_all_layers),
-        cmocka_unit_test(of_many_samples), cmocka_unit_test(other_forms_and_projections),
-        cmocka_unit_test(ray_cast),        cmocka_unit_test(not_all_ways),
+        cmocka_unit_test(directly),
+        cmocka_unit_test(in_all_layers),
+        cmocka_unit_test(of_many_samples),
+        cmocka_unit_test(other_forms_and_projections),
+        cmocka_unit_test(ray_cast),
+        cmocka_unit_test(not_all_ways),
         cmocka_unit_test(planes_are_the_rows),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
