@@ -134,7 +134,7 @@ int main(int argc, char **argv)
 {
     struct setup setup = parse(argc, argv);
     struct forest forest;
-    forest_use_cells((size_t)1 << 30, true);
+    forest_use_cells((size_t)1 << 30);
     if (setup.scene)
         forest_open_file(setup.scene, setup.forms[RAYCAST], &forest);
     else
