@@ -36,4 +36,18 @@ static inline size_t sv_canvas_at(const struct sv_canvas *canvas, int column, in
     return (size_t)(row - canvas->row_first) * (size_t)canvas->width + (size_t)column;
 }
 
+/* The canvas' rows row .. row + rows - 1 alone. */
+static inline struct sv_canvas sv_canvas_band(const struct sv_canvas *canvas, int row, int rows)
+{
+    size_t skip = sv_canvas_at(canvas, 0, row);
+    struct sv_canvas band = *canvas;
+    band.row_first = row;
+    band.row_count = rows;
+    band.depth += skip;
+    band.color += 4 * skip;
+    band.id = canvas->id ? canvas->id + skip : NULL;
+    band.normal = canvas->normal ? canvas->normal + 3 * skip : NULL;
+    return band;
+}
+
 #endif

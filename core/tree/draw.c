@@ -11,6 +11,7 @@
 #include "core/tree/draw_cull.h"
 #include "core/tree/draw_mesh.h"
 #include "core/tree/draw_mesh_upload.h"
+#include "core/tree/draw_mixed.h"
 #include "core/tree/ladder.h"
 #include "core/tree/leaf_splat.h"
 #include "core/tree/sprite.h"
@@ -227,7 +228,8 @@ static void choose(struct sv_tree_draw *draw, const struct sv_camera *camera,
 {
     draw->near.count = draw->far.count = 0;
     for (int k = 0; k < draw->species_count; k++)
-        draw->near_px[k] = options->form == SV_TREE_FORM_AUTO ? sv_tree_draw_near_px(draw, k, options->error_px)
+        draw->near_px[k] = options->form == SV_TREE_FORM_AUTO
+                               ? options->near_scale * sv_tree_draw_near_px(draw, k, options->error_px)
                            : options->form == SV_TREE_FORM_LEAF ? 0
                                                                 : INFINITY;
     for (uint32_t k = 0; k < draw->list.count; k++) {
@@ -253,26 +255,31 @@ static enum sv_status draw_sprites(struct sv_tree_draw *draw, const struct sv_gl
 }
 
 /* Entries first .. last - 1 of the near list. */
+static struct sv_leaf_splat_trees leaf_list(const struct sv_tree_draw *draw, const struct sv_tree_draw_options *options,
+                                            uint32_t first, uint32_t last, struct sv_tree_lights lights)
+{
+    bool one = options->canvas->id || options->canvas->normal;
+    return (struct sv_leaf_splat_trees){.trees = draw->forest->trees,
+                                        .entries = draw->near.entries + first,
+                                        .count = last - first,
+                                        .weight = draw->near.weights + first,
+                                        .samples = one ? 1 : options->leaf_samples,
+                                        .lights = lights,
+                                        .id_first = SV_ID_TREE_FIRST};
+}
+
 static enum sv_status draw_leaves(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                   const struct sv_tree_draw_options *options, uint32_t first, uint32_t last,
                                   struct sv_tree_lights lights, struct sv_error *error)
 {
     struct sv_leaf_view view = {frame->camera, frame->light, frame->shift_x_px, frame->shift_y_px};
-    struct sv_leaf_splat_trees list = {.trees = draw->forest->trees,
-                                       .entries = draw->near.entries + first,
-                                       .count = last - first,
-                                       .weight = draw->near.weights + first,
-                                       .samples = options->canvas->id || options->canvas->normal ? 1 : options->leaf_samples,
-                                       .lights = lights,
-                                       .id_first = SV_ID_TREE_FIRST};
-    return list.count == 0 ? SV_OK
-                           : sv_leaf_splat_draw(draw->leaves, &view, options->canvas, &list, NULL, error);
+    struct sv_leaf_splat_trees list = leaf_list(draw, options, first, last, lights);
+    return list.count == 0 ? SV_OK : sv_leaf_splat_draw(draw->leaves, &view, options->canvas, &list, NULL, error);
 }
 
-/* Leaves of several samples are blended over what is behind them, sprites leave no depth: so runs of either
- * form are drawn farthest first. (In two passes, sprites beyond all leaves and then the others, rims of leaves
- * showed the sky through the sprites close behind them, all of a sudden when a farther tree came into leaf.) A
- * tree in both forms: the sprite first, so that gaps between its leaves show it. */
+/* One form alone, or with planes of ids and normals, which leaves of one sample write as GL would and sprites read: runs
+ * of either form, farthest first, for leaves are blended over what is behind them. A tree in both forms: the sprite first,
+ * so that gaps between its leaves show it. */
 static enum sv_status draw_by_distance(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                        const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
                                        struct sv_error *error)
@@ -295,6 +302,21 @@ static enum sv_status draw_by_distance(struct sv_tree_draw *draw, const struct s
     return status;
 }
 
+/* Both forms, nearest first: what is hidden costs little. */
+static enum sv_status draw_mixed(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
+                                 const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
+                                 struct sv_error *error)
+{
+    struct sv_mixed_draw mixed = {
+        .leaves = draw->leaves,
+        .sprites = draw->sprites,
+        .view = {frame->camera, frame->light, frame->shift_x_px, frame->shift_y_px},
+        .canvas = options->canvas,
+        .near = leaf_list(draw, options, 0, draw->near.count, lights),
+        .far = {draw->far.entries, draw->far.weights, draw->far.count, false}};
+    return sv_mixed_draw(&mixed, error);
+}
+
 static enum sv_status draw_canvas(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                   const struct sv_tree_draw_options *options, struct sv_tree_lights lights,
                                   struct sv_tree_draw_stats *stats, struct sv_error *error)
@@ -306,7 +328,8 @@ static enum sv_status draw_canvas(struct sv_tree_draw *draw, const struct sv_gl_
     if (status)
         return status;
     choose(draw, &frame->camera, options);
-    status = draw_by_distance(draw, frame, options, lights, error);
+    bool mixed = draw->near.count > 0 && draw->far.count > 0 && !options->canvas->id && !options->canvas->normal;
+    status = (mixed ? draw_mixed : draw_by_distance)(draw, frame, options, lights, error);
     stats->trees[SV_TREE_FORM_LEAF] = draw->near.count;
     stats->trees[SV_TREE_FORM_COARSE] = draw->far.count;
     return status;

@@ -55,6 +55,7 @@ struct sv_tree_shell {
 struct sv_tree_draw_options {
     enum sv_tree_form form;
     double error_px;  /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
+    double near_scale; /* AUTO: leaves begin at so many times the size at which they would by the ladder, > 0 */
     int leaf_samples; /* a pixel, of leaf splats, into a canvas of colour and depth alone: 1, 2, 4, 8, 16;
                          else 1 */
     bool color_only;  /* nobody reads depth, id or normal after this call: blended forms leave them alone */
@@ -64,7 +65,7 @@ struct sv_tree_draw_options {
     const struct sv_tree_shell *shell; /* NULL: all trees */
 };
 #define SV_TREE_DRAW_OPTIONS_DEFAULT \
-    ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 1, 4, false, NULL, NULL, NULL})
+    ((struct sv_tree_draw_options){SV_TREE_FORM_AUTO, 1, 1, 4, false, NULL, NULL, NULL})
 
 /* A tree that fades from one form into the other counts in both. */
 struct sv_tree_draw_stats {

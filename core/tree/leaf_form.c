@@ -353,6 +353,30 @@ static void fill(const struct builder *b, const struct piece *sorted, const uint
     }
 }
 
+static void bound_whole(struct sv_leaf_form *form)
+{
+    struct sv_leaf_cluster *whole = &form->whole;
+    float lo[3] = {INFINITY, INFINITY, INFINITY}, hi[3] = {-INFINITY, -INFINITY, -INFINITY};
+    whole->thins = true;
+    for (int pass = 0; pass < 2; pass++) {
+        for (uint32_t k = 0; k < form->cluster_count; k++) {
+            const struct sv_leaf_cluster *c = &form->clusters[k];
+            float apart = 0;
+            for (int a = 0; a < 3; a++) {
+                lo[a] = fminf(lo[a], c->middle[a]);
+                hi[a] = fmaxf(hi[a], c->middle[a]);
+                apart += (c->middle[a] - whole->middle[a]) * (c->middle[a] - whole->middle[a]);
+            }
+            if (pass == 0)
+                continue;
+            whole->radius = fmaxf(whole->radius, (sqrtf(apart) + c->radius) * 1.001f);
+            whole->reach = fmaxf(whole->reach, c->reach);
+        }
+        for (int a = 0; a < 3 && pass == 0; a++)
+            whole->middle[a] = 0.5f * (lo[a] + hi[a]);
+    }
+}
+
 /* Texels a height of each material, by the pieces' areas in texture and space. */
 static void measure_densities(const struct builder *b, struct sv_leaf_form *form)
 {
@@ -418,6 +442,7 @@ static enum sv_status build(struct builder *b, struct order *order, struct piece
     if (status)
         return status;
     fill(b, sorted, first, form);
+    bound_whole(form);
     measure_densities(b, form);
     return sv_leaf_maps_init(form, error);
 }

@@ -67,6 +67,7 @@ struct sv_leaf_form {
     struct sv_leaf_block *blocks;    /* 32-byte aligned, block_count */
     struct sv_leaf_fade *fades;      /* the same */
     struct sv_leaf_cluster *clusters;
+    struct sv_leaf_cluster whole; /* bounds all clusters, as one of leaves */
     uint32_t block_count, cluster_count;
     struct sv_leaf_record *records; /* by piece: 8 block + lane; 64-byte aligned */
     uint8_t *material;

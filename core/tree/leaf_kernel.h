@@ -31,6 +31,8 @@
 enum { SV_LEAF_QUEUES = 5, SV_LEAF_QUEUE = 64, SV_LEAF_QUEUE_ROOM = SV_LEAF_QUEUE + 2 * SV_LEAF_LANES };
 /* Hits that may be listed before the list is settled, and what one step may add. */
 enum { SV_LEAF_HITS = 512, SV_LEAF_HIT_ROOM = SV_LEAF_HITS + 72 * SV_LEAF_LANES };
+/* Pixels of a tile, a side. */
+enum { SV_LEAF_TILE = 16 };
 /* Pixels of one material that wait for light. */
 enum { SV_LEAF_LIT = 64 };
 
@@ -91,6 +93,8 @@ struct sv_leaf_job {
     float alpha_factor, alpha_cutoff;
     bool card;    /* what is queued: parallelograms; else triangles */
     float *depth; /* the band's */
+    const float *tile_far; /* by tile: no depth in it is less; pieces behind it may be left out */
+    int tiles_x;
     struct sv_leaf_seen *seen;
     struct sv_leaf_queue queue[SV_LEAF_QUEUES];
     struct sv_leaf_hits hits;

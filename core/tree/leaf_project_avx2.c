@@ -5,6 +5,9 @@
 #include "core/tree/leaf_avx2.h"
 #include "core/tree/leaf_kernel.h"
 
+enum { TILE_BITS = 4 };
+_Static_assert(1 << TILE_BITS == (int)SV_LEAF_TILE, "tiles are shifts");
+
 /* Eight pieces in the picture: P0, E1, E2 as A, B, C. */
 struct moved {
     __m256 v[9];
@@ -131,6 +134,32 @@ static inline void enqueue(struct sv_leaf_job *job, int q, unsigned bits, const 
         sv_leaf_avx2.raster(job, q);
 }
 
+/* Those of the lanes there that lie behind what each tile of their boxes holds, of boxes that touch two tiles a side at most (the
+ * scalar kernel finds out pixel by pixel). least: depth Z. */
+static inline __m256 hidden(const struct sv_leaf_job *job, __m256 there, const struct boxes *box, __m256 least)
+{
+    const __m256i tiles = _mm256_set1_epi32(job->tiles_x), one = _mm256_set1_epi32(1);
+    const __m256i most = _mm256_set1_epi32(SV_LEAF_TILE + 1);
+    /* Tiles count from the band's first row; what of a box lies beyond the band is of no matter. */
+    __m256i row_first = _mm256_set1_epi32(job->eye.row_first), last_row = _mm256_set1_epi32(job->eye.row_count - 1);
+    __m256i j0 = _mm256_sub_epi32(box->j0, row_first), j1 = _mm256_sub_epi32(_mm256_add_epi32(j0, box->ny), one);
+    __m256i tx0 = _mm256_srli_epi32(box->i0, TILE_BITS);
+    __m256i tx1 = _mm256_srli_epi32(_mm256_sub_epi32(_mm256_add_epi32(box->i0, box->nx), one), TILE_BITS);
+    __m256i ty0 = _mm256_srli_epi32(_mm256_max_epi32(j0, _mm256_setzero_si256()), TILE_BITS);
+    __m256i ty1 = _mm256_srli_epi32(_mm256_min_epi32(j1, last_row), TILE_BITS);
+    __m256 asked = _mm256_castsi256_ps(_mm256_cmpgt_epi32(most, _mm256_max_epi32(box->nx, box->ny)));
+    asked = _mm256_and_ps(asked, there); /* boxes of the others are anything */
+    ty0 = _mm256_mullo_epi32(ty0, tiles);
+    ty1 = _mm256_mullo_epi32(ty1, tiles);
+    __m256 held = splat(2);
+    const __m256i at[4] = {_mm256_add_epi32(ty0, tx0), _mm256_add_epi32(ty0, tx1), _mm256_add_epi32(ty1, tx0),
+                           _mm256_add_epi32(ty1, tx1)};
+    for (int k = 0; k < 4; k++)
+        held = _mm256_min_ps(held, _mm256_mask_i32gather_ps(_mm256_setzero_ps(), job->tile_far, at[k], asked, 4));
+    __m256 d = _mm256_div_ps(splat(job->eye.near_m * 1.00001f), least);
+    return _mm256_cmp_ps(d, held, _CMP_LT_OQ);
+}
+
 static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card,
                                  const struct sv_leaf_thin *thin, bool orthographic)
 {
@@ -148,6 +177,8 @@ static inline void project_block(struct sv_leaf_job *job, uint32_t at, bool card
     there = _mm256_and_ps(there, range(box.x0, box.x1, job->eye.width, &box.i0, &box.nx));
     there = _mm256_and_ps(there, range(box.y0, box.y1, job->eye.height, &box.j0, &box.ny));
     there = _mm256_and_ps(there, in_band(&job->eye, &box));
+    if (!orthographic && bits_of(there))
+        there = _mm256_andnot_ps(hidden(job, there, &box, least), there);
     unsigned left = bits_of(there);
     if (!left)
         return;

@@ -70,6 +70,8 @@ void sv_leaf_splat_destroy(struct sv_leaf_splat *splat)
     free(splat->sorted);
     free(splat->tile_far);
     free(splat->tile_state);
+    free(splat->tile_touched);
+    free(splat->tile_fresh);
     free(splat);
 }
 
@@ -120,26 +122,18 @@ static enum sv_status make_room(struct sv_leaf_splat *splat, size_t pixels, size
     if (splat->tile_room < tiles) {
         free(splat->tile_far);
         free(splat->tile_state);
+        free(splat->tile_touched);
+        free(splat->tile_fresh);
         splat->tile_far = malloc(tiles * sizeof *splat->tile_far);
         splat->tile_state = malloc(tiles);
-        splat->tile_room = splat->tile_far && splat->tile_state ? tiles : 0;
+        splat->tile_touched = calloc(tiles, 1);
+        splat->tile_fresh = malloc(tiles);
+        bool all = splat->tile_far && splat->tile_state && splat->tile_touched && splat->tile_fresh;
+        splat->tile_room = all ? tiles : 0;
     }
     if (!splat->seen_room || !splat->tile_room)
         return sv_fail(error, SV_ENOMEM, "trees", "no memory to draw leaves on %zu pixels", pixels);
     return SV_OK;
-}
-
-static struct sv_canvas band_of(const struct sv_canvas *c, int row, int rows)
-{
-    size_t skip = (size_t)(row - c->row_first) * (size_t)c->width;
-    return (struct sv_canvas){.width = c->width,
-                              .height = c->height,
-                              .row_first = row,
-                              .row_count = rows,
-                              .depth = c->depth + skip,
-                              .color = c->color + 4 * skip,
-                              .id = c->id ? c->id + skip : NULL,
-                              .normal = c->normal ? c->normal + 3 * skip : NULL};
 }
 
 void sv_leaf_splat_set_level(struct sv_leaf_splat *splat, enum sv_simd level)
@@ -205,33 +199,39 @@ static void end_samples(const struct sv_leaf_splat *splat, const struct sv_leaf_
     }
 }
 
-static enum sv_status draw_band(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,
-                                struct sv_error *error)
+enum sv_status sv_leaf_band_begin(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, struct sv_error *error)
 {
     const struct sv_camera *camera = &pass->view->camera;
     const struct sv_canvas *band = pass->canvas;
-    const struct sv_leaf_splat_trees *list = pass->trees;
-    bool many = pass->across * pass->down > 1;
     int width = band->width * pass->across, height = band->row_count * pass->down;
     pass->center[0] = (0.5 * camera->width - pass->view->shift_x_px) * pass->across - 0.5;
     pass->center[1] = (0.5 * camera->height - pass->view->shift_y_px) * pass->down - 0.5;
     pass->tiles_x = (width + TILE - 1) / TILE;
-    size_t tiles = (size_t)pass->tiles_x * (size_t)((height + TILE - 1) / TILE);
-    enum sv_status status = make_room(splat, (size_t)width * (size_t)height, tiles, error);
-    if (!status && many)
+    pass->tiles = (size_t)pass->tiles_x * (size_t)((height + TILE - 1) / TILE);
+    enum sv_status status = make_room(splat, (size_t)width * (size_t)height, pass->tiles, error);
+    if (!status && pass->sampled)
         status = make_samples(splat, (size_t)width * (size_t)height, error);
     if (status)
         return status;
-    memset(splat->tile_state, many ? SV_LEAF_TILE_RAW : SV_LEAF_TILE_OLD, tiles);
-    pass->color = many ? splat->sample_color : band->color;
-    splat->job->depth = many ? splat->sample_depth : band->depth;
+    memset(splat->tile_state, pass->sampled ? SV_LEAF_TILE_RAW : SV_LEAF_TILE_OLD, pass->tiles);
+    memset(splat->tile_fresh, 0, pass->tiles);
+    memset(splat->tile_far, 0, pass->tiles * sizeof *splat->tile_far);
+    pass->color = pass->sampled ? splat->sample_color : band->color;
+    splat->job->depth = pass->sampled ? splat->sample_depth : band->depth;
     splat->job->seen = splat->seen;
+    splat->job->tile_far = splat->tile_far;
+    splat->job->tiles_x = pass->tiles_x;
+    return SV_OK;
+}
+
+enum sv_status sv_leaf_band_draw(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, struct sv_error *error)
+{
+    const struct sv_leaf_splat_trees *list = pass->trees;
+    enum sv_status status = SV_OK;
     for (uint32_t k = 0; k < list->count && !status; k++) {
         pass->tree = &list->trees[list->entries[k].tree];
         status = sv_leaf_draw_tree(splat, pass, k, list->entries[k].tree, error);
     }
-    if (many)
-        end_samples(splat, pass, tiles);
     return status;
 }
 
@@ -249,6 +249,19 @@ static bool lattice_of(int samples, int *across, int *down)
     return false;
 }
 
+enum sv_status sv_leaf_pass_init(const struct sv_leaf_splat *splat, const struct sv_leaf_view *view, int samples,
+                                 struct sv_leaf_pass *pass, struct sv_error *error)
+{
+    *pass =
+        (struct sv_leaf_pass){.kernel = splat->kernel, .view = view, .focal = sv_camera_focal_px(&view->camera)};
+    if (!lattice_of(samples, &pass->across, &pass->down))
+        return sv_fail(error, SV_EINVAL, "samples", "%d samples a pixel: 1, 2, 4, 8 or 16", samples);
+    pass->sampled = samples > 1;
+    pass->focal_x = pass->focal * pass->across;
+    pass->focal_y = pass->focal * pass->down;
+    return SV_OK;
+}
+
 enum sv_status sv_leaf_splat_draw(struct sv_leaf_splat *splat, const struct sv_leaf_view *view,
                                   const struct sv_canvas *canvas, const struct sv_leaf_splat_trees *trees,
                                   struct sv_leaf_splat_stats *stats, struct sv_error *error)
@@ -257,23 +270,25 @@ enum sv_status sv_leaf_splat_draw(struct sv_leaf_splat *splat, const struct sv_l
     if (canvas->width != camera->width || canvas->height != camera->height)
         return sv_fail(error, SV_EINVAL, "canvas", "%d x %d px, the camera has %d x %d", canvas->width,
                        canvas->height, camera->width, camera->height);
-    struct sv_leaf_pass pass = {
-        .kernel = splat->kernel, .view = view, .trees = trees, .focal = sv_camera_focal_px(camera)};
-    if (!lattice_of(trees->samples, &pass.across, &pass.down))
-        return sv_fail(error, SV_EINVAL, "samples", "%d samples a pixel: 1, 2, 4, 8 or 16", trees->samples);
+    struct sv_leaf_pass pass;
+    enum sv_status status = sv_leaf_pass_init(splat, view, trees->samples, &pass, error);
+    if (status)
+        return status;
     if (trees->samples > 1 && (canvas->id || canvas->normal))
         return sv_fail(error, SV_EINVAL, "samples", "ids and normals are of one sample a pixel, not of %d",
                        trees->samples);
-    pass.focal_x = pass.focal * pass.across;
-    pass.focal_y = pass.focal * pass.down;
+    pass.trees = trees;
     int samples = trees->samples, room = samples > 1 ? BAND_SAMPLES / samples : BAND_PIXELS;
     int last = canvas->row_first + canvas->row_count, most = room / canvas->width;
     most = most > TILE ? most / TILE * TILE : TILE;
-    enum sv_status status = SV_OK;
     for (int row = canvas->row_first; row < last && trees->count > 0 && !status; row += most) {
-        struct sv_canvas band = band_of(canvas, row, row + most < last ? most : last - row);
+        struct sv_canvas band = sv_canvas_band(canvas, row, row + most < last ? most : last - row);
         pass.canvas = &band;
-        status = draw_band(splat, &pass, error);
+        status = sv_leaf_band_begin(splat, &pass, error);
+        if (!status)
+            status = sv_leaf_band_draw(splat, &pass, error);
+        if (!status && pass.sampled)
+            end_samples(splat, &pass, pass.tiles);
     }
     if (!status && stats)
         *stats = pass.stats;

@@ -43,8 +43,8 @@ struct sv_leaf_splat_trees {
 };
 
 struct sv_leaf_splat_stats {
-    uint32_t trees, clusters,
-        hidden_clusters; /* drawn; of those: seen by the camera; hidden by what is nearer */
+    uint32_t trees, hidden_trees;       /* drawn, in each band; hidden by what is nearer, all of them */
+    uint32_t clusters, hidden_clusters; /* of those drawn: seen by the camera; hidden by what is nearer */
     uint64_t pixels;     /* shaded */
 };
 

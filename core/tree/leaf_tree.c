@@ -2,8 +2,9 @@
  * clusters are drawn in which order, and its light.
  *
  * Clusters are drawn nearest first, in 64 slices of the tree's depth. One whose nearest point lies behind the
- * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls; foliage has
- * gaps and hides next to nothing so); tiles are looked at again when asked for after a tree was drawn there.
+ * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls, and where foliage has
+ * filled its gaps), and so is a whole tree, and single pieces; tiles are looked at again when asked for after a tree
+ * was drawn there.
  * Depths only come nearer: an old answer hides too little, never too much. */
 #include "core/tree/leaf_pass.h"
 
@@ -227,16 +228,11 @@ static void begin_tile(struct sv_leaf_splat *splat, const struct sv_leaf_pass *p
                 splat->sample_depth[row + (size_t)(i + k)] = from[i / pass->across];
         memset(splat->sample_color + 4 * (row + (size_t)i0), 0, (size_t)(i1 - i0) * 4);
     }
-    splat->tile_state[(size_t)ty * (size_t)pass->tiles_x + (size_t)tx] = SV_LEAF_TILE_OLD;
-}
-
-static void begin_tiles(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass,
-                        const struct sv_leaf_seen_cluster *seen)
-{
-    for (int ty = seen->j0 / TILE; ty <= seen->j1 / TILE; ty++)
-        for (int tx = seen->i0 / TILE; tx <= seen->i1 / TILE; tx++)
-            if (splat->tile_state[(size_t)ty * (size_t)pass->tiles_x + (size_t)tx] == SV_LEAF_TILE_RAW)
-                begin_tile(splat, pass, tx, ty);
+    size_t tile = (size_t)ty * (size_t)pass->tiles_x + (size_t)tx;
+    splat->tile_state[tile] = SV_LEAF_TILE_OLD;
+    splat->tile_far[tile] = 0;
+    if (pass->between)
+        pass->between->begun(pass->between->context, tx, ty);
 }
 
 /* Least depth of a tile, looked up again when it is old. */
@@ -256,30 +252,36 @@ static float tile_least(struct sv_leaf_splat *splat, const struct sv_leaf_pass *
     return splat->tile_far[tile];
 }
 
-/* What the tree can have changed is old now; what is raw stays so. */
-static void mark_tiles(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass)
+/* Window depth of the cluster's nearest point, with room for rounding; INFINITY: it may be anything. */
+static float nearest_depth(const struct sv_leaf_splat *splat, const struct sv_leaf_seen_cluster *seen)
 {
-    for (int ty = pass->j0 / TILE; ty <= pass->j1 / TILE; ty++)
-        for (int tx = pass->i0 / TILE; tx <= pass->i1 / TILE; tx++) {
-            uint8_t *state = &splat->tile_state[(size_t)ty * (size_t)pass->tiles_x + (size_t)tx];
-            *state = *state == SV_LEAF_TILE_KNOWN ? SV_LEAF_TILE_OLD : *state;
-        }
+    const struct sv_leaf_eye *eye = &splat->job->eye;
+    if (splat->exhaustive || (!eye->orthographic && seen->nearest <= eye->near_m))
+        return INFINITY;
+    return (eye->orthographic ? 1 - seen->nearest / eye->far_m : eye->near_m / seen->nearest) * 1.00001f;
 }
 
 /* Whether all that the cluster could show lies behind what is there. */
 static bool is_hidden(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass,
                       const struct sv_leaf_seen_cluster *seen)
 {
-    const struct sv_leaf_eye *eye = &splat->job->eye;
-    if (!eye->orthographic && seen->nearest <= eye->near_m)
-        return false;
-    float d = eye->orthographic ? 1 - seen->nearest / eye->far_m : eye->near_m / seen->nearest;
-    d *= 1.00001f; /* rounding of depths */
-    for (int ty = seen->j0 / TILE; ty <= seen->j1 / TILE; ty++)
+    float d = nearest_depth(splat, seen);
+    for (int ty = seen->j0 / TILE; ty <= seen->j1 / TILE && d < INFINITY; ty++)
         for (int tx = seen->i0 / TILE; tx <= seen->i1 / TILE; tx++)
             if (!(d < tile_least(splat, pass, tx, ty)))
                 return false;
-    return true;
+    return d < INFINITY;
+}
+
+/* A cluster is about to be drawn: where it is not hidden the tree may win something. */
+static void touch_tiles(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass,
+                        const struct sv_leaf_seen_cluster *seen)
+{
+    float d = nearest_depth(splat, seen);
+    for (int ty = seen->j0 / TILE; ty <= seen->j1 / TILE; ty++)
+        for (int tx = seen->i0 / TILE; tx <= seen->i1 / TILE; tx++)
+            if (!(d < tile_least(splat, pass, tx, ty)))
+                splat->tile_touched[(size_t)ty * (size_t)pass->tiles_x + (size_t)tx] = 1;
 }
 
 static void empty_queues(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass)
@@ -344,8 +346,7 @@ static void draw_group(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, u
             pass->stats.hidden_clusters++;
             continue;
         }
-        if (pass->across * pass->down > 1)
-            begin_tiles(splat, pass, seen);
+        touch_tiles(splat, pass, seen);
         pass->kernel->project(job, &clusters[seen->cluster]);
         grow_box(pass, seen);
     }
@@ -371,25 +372,71 @@ static void shade_list(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,
     splat->lit_count[material] = 0;
 }
 
-/* Lights what the tree has won; seen[] is all zero behind. */
-static void shade_tree(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, uint32_t index)
+static bool any_seen(const struct sv_leaf_seen *row, int count)
+{
+    uint32_t any = 0;
+    for (int i = 0; i < count; i++)
+        any |= row[i].piece;
+    return any != 0;
+}
+
+/* Lists what the tree has won of a row, i0 .. i1 - 1. */
+static void light_row(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, const struct sv_leaf_light *light,
+                      int j, int i0, int i1)
 {
     const struct sv_leaf_job *job = splat->job;
+    const struct sv_leaf_seen *row = job->seen + (size_t)j * (size_t)job->eye.width;
+    for (int i = i0; i < i1; i++) {
+        if (row[i].piece == 0)
+            continue;
+        __builtin_prefetch(&job->form->records[row[i].piece - 1]);
+        int m = job->form->material[row[i].piece - 1];
+        splat->lit[m][splat->lit_count[m]++] = (uint32_t)i | (uint32_t)j << 16;
+        if (splat->lit_count[m] == SV_LEAF_LIT)
+            shade_list(splat, pass, light, m);
+    }
+}
+
+/* True when the tree has won anything of the tile. */
+static bool light_tile(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, const struct sv_leaf_light *light,
+                       int tx, int ty)
+{
+    const struct sv_leaf_job *job = splat->job;
+    int i0 = tx * TILE, i1 = i0 + TILE < job->eye.width ? i0 + TILE : job->eye.width;
+    bool any = false;
+    for (int j = ty * TILE; j < (ty + 1) * TILE && j < job->eye.row_count; j++) {
+        if (!any_seen(job->seen + (size_t)j * (size_t)job->eye.width + (size_t)i0, i1 - i0))
+            continue;
+        light_row(splat, pass, light, j, i0, i1);
+        any = true;
+    }
+    return any;
+}
+
+/* What the tree has changed is old now, and to be taken by others. */
+static void mark_tile(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass, int tx, int ty)
+{
+    size_t tile = (size_t)ty * (size_t)pass->tiles_x + (size_t)tx;
+    splat->tile_state[tile] = SV_LEAF_TILE_OLD;
+    splat->tile_fresh[tile] = 1;
+    if (pass->between)
+        pass->between->fresh[ty * TILE / (SV_LEAF_BLOCK * pass->down) * pass->between->columns +
+                             tx * TILE / (SV_LEAF_BLOCK * pass->across)] = 1;
+}
+
+/* Lights what the tree has won of the tiles that it touched; seen[] is all zero behind. */
+static void shade_tree(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, uint32_t index)
+{
     struct sv_leaf_light light;
     set_light(pass, index, &light);
-    for (int j = pass->j0; j <= pass->j1; j++) {
-        const struct sv_leaf_seen *row = job->seen + (size_t)j * (size_t)job->eye.width;
-        for (int i = pass->i0; i <= pass->i1; i++) {
-            if (row[i].piece == 0)
-                continue;
-            __builtin_prefetch(&job->form->records[row[i].piece - 1]);
-            int m = job->form->material[row[i].piece - 1];
-            splat->lit[m][splat->lit_count[m]++] = (uint32_t)i | (uint32_t)j << 16;
-            if (splat->lit_count[m] == SV_LEAF_LIT)
-                shade_list(splat, pass, &light, m);
+    for (int ty = pass->j0 / TILE; ty <= pass->j1 / TILE; ty++)
+        for (int tx = pass->i0 / TILE; tx <= pass->i1 / TILE; tx++) {
+            uint8_t *touched = &splat->tile_touched[(size_t)ty * (size_t)pass->tiles_x + (size_t)tx];
+            if (*touched && light_tile(splat, pass, &light, tx, ty))
+                mark_tile(splat, pass, tx, ty);
+            *touched = 0;
         }
-    }
-    for (int m = 0; m < job->form->mesh->material_count; m++)
+    for (int m = 0; m < splat->job->form->mesh->material_count; m++)
         if (splat->lit_count[m])
             shade_list(splat, pass, &light, m);
 }
@@ -421,6 +468,13 @@ enum sv_status sv_leaf_draw_tree(struct sv_leaf_splat *splat, struct sv_leaf_pas
     set_eye(pass, &job->eye);
     pass->i0 = pass->j0 = 1 << 20;
     pass->i1 = pass->j1 = -1;
+    struct sv_leaf_seen_cluster whole;
+    if (!see_cluster(pass, job, &s->form.whole, &whole))
+        return SV_OK;
+    if (is_hidden(splat, pass, &whole)) {
+        pass->stats.hidden_trees++;
+        return SV_OK;
+    }
     for (uint32_t k = 0, n; k < s->form.cluster_count; k = n) {
         const struct sv_leaf_cluster *c = s->form.clusters;
         for (n = k; n < s->form.cluster_count && c[n].material == c[k].material && c[n].card == c[k].card;
@@ -431,7 +485,6 @@ enum sv_status sv_leaf_draw_tree(struct sv_leaf_splat *splat, struct sv_leaf_pas
     pass->stats.trees += pass->j1 >= 0;
     if (pass->j1 < 0)
         return SV_OK;
-    mark_tiles(splat, pass);
     shade_tree(splat, pass, index);
     return SV_OK;
 }

@@ -130,9 +130,11 @@ static void show(const struct sv_sprite_light *light, const struct sv_sprite *s,
 static void mark_hard(const struct sv_sprite_tree *tree, const struct shown *sum, size_t k,
                       struct sv_sprite_hard *hard)
 {
+    hard->z[k] = sum->z / sum->alpha;
+    if (hard->depth_only)
+        return;
     const float *n = sum->normal;
     float each = 1 / sqrtf(fmaxf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2], 1e-12f));
-    hard->z[k] = sum->z / sum->alpha;
     hard->id[k] = tree->id;
     for (int c = 0; c < 3; c++)
         hard->normal[c][k] = n[c] * each;
@@ -176,7 +178,8 @@ static void draw_pixel(const struct sv_sprite_light *light, const struct sv_spri
             sum.rgb[c] += one.alpha * one.rgb[c];
         if (hard) {
             sum.z += one.alpha * one.z;
-            add_normal(&sprites[n], &one, sum.normal);
+            if (!hard->depth_only)
+                add_normal(&sprites[n], &one, sum.normal);
         }
     }
     float pass = tile->pass[k], covers = sum.alpha, lit = pass;

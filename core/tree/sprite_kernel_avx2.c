@@ -256,11 +256,13 @@ static inline void mark_hard(const struct sv_sprite_tree *tree, const struct sho
     now = _mm256_and_ps(now, _mm256_cmp_ps(sum->alpha, none, _CMP_GT_OQ));
     if (_mm256_movemask_ps(now) == 0)
         return;
+    I mask = _mm256_castps_si256(now);
+    _mm256_maskstore_ps(hard->z + k, mask, _mm256_div_ps(sum->z, sum->alpha));
+    if (hard->depth_only)
+        return;
     const V *n = sum->normal;
     V square = add(add(mul(n[0], n[0]), mul(n[1], n[1])), mul(n[2], n[2]));
     V each = _mm256_div_ps(set(1), _mm256_sqrt_ps(_mm256_max_ps(square, set(1e-12f))));
-    I mask = _mm256_castps_si256(now);
-    _mm256_maskstore_ps(hard->z + k, mask, _mm256_div_ps(sum->z, sum->alpha));
     _mm256_maskstore_epi32((int *)hard->id + k, mask, _mm256_set1_epi32((int)tree->id));
     for (int c = 0; c < 3; c++)
         _mm256_maskstore_ps(hard->normal[c] + k, mask, mul(n[c], each));
@@ -299,7 +301,8 @@ static inline bool draw_group(const struct sv_sprite_light *light, const struct 
         sum.blue = add(sum.blue, mul(one.alpha, one.blue));
         if (hard) {
             sum.z = add(sum.z, mul(one.alpha, one.z));
-            add_normal(&sprites[n], &one, sum.normal);
+            if (!hard->depth_only)
+                add_normal(&sprites[n], &one, sum.normal);
         }
     }
     if (!any)

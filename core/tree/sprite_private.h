@@ -88,6 +88,7 @@ struct sv_sprite_tile {
  * it is, the last tree that covers anything (canvas.h). */
 struct sv_sprite_hard {
     bool surface;
+    bool depth_only; /* id and normal are not wanted */
     float z[SV_SPRITE_TILE_PIXELS];
     uint32_t id[SV_SPRITE_TILE_PIXELS];
     float normal[3][SV_SPRITE_TILE_PIXELS];

@@ -16,6 +16,8 @@ if(TARGET sv_tree_draw AND TARGET sv_scene)
   sv_test(test_ladder SOURCES test_ladder.c draw_fixture.c LIBS sv_kept_bakes sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree TIMEOUT 600)
 endif()
 if(TARGET sv_tree_draw AND TARGET sv_scene)
+  sv_test(test_draw_mixed SOURCES test_draw_mixed.c draw_fixture.c LIBS sv_kept_bakes sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree
+          TIMEOUT 600)
   sv_test(test_form_change SOURCES test_form_change.c draw_fixture.c LIBS sv_kept_bakes sv_tree_draw sv_scene sv_tree sv_gl sv_base LABELS tree
           TIMEOUT 600)
 endif()
