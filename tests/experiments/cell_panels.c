@@ -1,12 +1,13 @@
-/* cell_panels.c - what building the panels of an eye's chain of cells costs: the forest of table 2, an eye of the
- * flight or the walk. One line a panel: ring, face, trees in the shell and the view, the least processor time of
- * ROUNDS, bytes.
+/* cell_panels.c - what building the panels of an eye's chain of cells costs: the forest of table 2, an eye of
+ * the flight or the walk. One line a panel: ring, face, trees in the shell and the view, the least processor
+ * time of ROUNDS, bytes.
  *
  * cell_panels [--trees N] [--walk] [--eye K] [--rounds N] [--ring D] [--face NAME] [--size TEXELS]
  *             [--save FOLDER] [--against FOLDER]
  *
- * --ring D: of that distance alone, m; --face: east, north, west, south, down or up alone. --save: writes panels into FOLDER; --against: compares with panels that were
- * saved there: texels that differ, the largest and the mean difference of colour codes, the largest of q codes.
+ * --ring D: of that distance alone, m; --face: east, north, west, south, down or up alone. --save: writes
+ * panels into FOLDER; --against: compares with panels that were saved there: texels that differ, the largest
+ * and the mean difference of colour codes, the largest of q codes.
  */
 #include <math.h>
 #include <stdio.h>
@@ -211,8 +212,9 @@ int main(int argc, char **argv)
         else if ((well = k + 1 < argc && option(&o, argv[k], argv[k + 1])))
             k++;
     if (!well) {
-        fprintf(stderr, "usage: cell_panels [--trees N] [--walk] [--eye K] [--rounds N] [--ring D] [--face NAME] "
-                        "[--size TEXELS] [--save FOLDER] [--against FOLDER]\n");
+        fprintf(stderr,
+                "usage: cell_panels [--trees N] [--walk] [--eye K] [--rounds N] [--ring D] [--face NAME] "
+                "[--size TEXELS] [--save FOLDER] [--against FOLDER]\n");
         return 2;
     }
     bench_open(&o, &b);

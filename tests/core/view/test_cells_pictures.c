@@ -276,7 +276,7 @@ static void turning_shows_no_jump(void **state)
     }
 }
 
-/* A step over a border of cells adds what two panels of one wood differ by: 1.6 levels were measured, 2.5 are
+/* A step over a border of cells adds what two panels of one wood differ by: 1.6 and 2.9 levels were measured, 3 are
  * allowed. */
 static void flying_shows_no_jump(void **state)
 {
