@@ -273,15 +273,18 @@ static bool is_hidden(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pa
     return d < INFINITY;
 }
 
-/* A cluster is about to be drawn: where it is not hidden the tree may win something. */
+/* A cluster is about to be drawn: the tree may win something of its tiles. */
 static void touch_tiles(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass,
                         const struct sv_leaf_seen_cluster *seen)
 {
-    float d = nearest_depth(splat, seen);
-    for (int ty = seen->j0 / TILE; ty <= seen->j1 / TILE; ty++)
-        for (int tx = seen->i0 / TILE; tx <= seen->i1 / TILE; tx++)
-            if (!(d < tile_least(splat, pass, tx, ty)))
-                splat->tile_touched[(size_t)ty * (size_t)pass->tiles_x + (size_t)tx] = 1;
+    int tx0 = seen->i0 / TILE, tx1 = seen->i1 / TILE;
+    for (int ty = seen->j0 / TILE; ty <= seen->j1 / TILE; ty++) {
+        size_t row = (size_t)ty * (size_t)pass->tiles_x;
+        memset(splat->tile_touched + row + tx0, 1, (size_t)(tx1 - tx0) + 1);
+        for (int tx = tx0; pass->sampled && tx <= tx1; tx++)
+            if (splat->tile_state[row + (size_t)tx] == SV_LEAF_TILE_RAW)
+                begin_tile(splat, pass, tx, ty);
+    }
 }
 
 static void empty_queues(struct sv_leaf_splat *splat, const struct sv_leaf_pass *pass)
