@@ -1,9 +1,9 @@
 /* cache_pages.c - large pages under a panel.
  *
- * A panel is up to 1,700 small pages, and each process that reads it maps each of them at a fault of its own, 7 us
- * where the machine is virtual and its host shadows the page tables; who writes one first waits twice that for it to
- * be cleared. Two or three large pages are as many faults, and may be had of shared memory whatever the
- * system does by itself (MADV_COLLAPSE, Linux 6.1). */
+ * A panel is up to 1,700 small pages, and each process that reads it maps each of them at a fault of its own,
+ * 7 us where the machine is virtual and its host shadows the page tables; who writes one first waits twice
+ * that for it to be cleared. Two or three large pages are as many faults, and may be had of shared memory
+ * whatever the system does by itself (MADV_COLLAPSE, Linux 6.1). */
 #include <stdint.h>
 #include <sys/mman.h>
 
@@ -14,9 +14,9 @@
 #endif
 enum { LARGE = 2 << 20 };
 
-/* Reads every small page of [first, last) once as a process does that has not written it. A host that shadows page
- * tables backs a large page by small ones, which it maps one after the other (0.6 ms in all) for the first such
- * reader, and keeps for all others: that is better done by who builds. */
+/* Reads every small page of [first, last) once as a process does that has not written it. A host that shadows
+ * page tables backs a large page by small ones, which it maps one after the other (0.6 ms in all) for the
+ * first such reader, and keeps for all others: that is better done by who builds. */
 static void read_ahead(char *first, char *last)
 {
     size_t bytes = (size_t)(last - first);

@@ -52,9 +52,9 @@ void sv_shadow_pages_use(struct sv_shadow_pages *pages, const struct sv_shadow_s
  * wanted. */
 uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, int j);
 /* Fills whole levels of the scene in use, from the coarsest of several pages down, as long as they are not
- * too much: SV_SHADOW_PAGES_WHOLE pages in all, and for those that are not there most_s of what casters (how many
- * bodies cast; 0: the terrain alone) are estimated to take, more the lower the sun. What belongs to a sun that stays is
- * made once, then. Returns the finest level filled. */
+ * too much: SV_SHADOW_PAGES_WHOLE pages in all, and for those that are not there most_s of what casters (how
+ * many bodies cast; 0: the terrain alone) are estimated to take, more the lower the sun. What belongs to a
+ * sun that stays is made once, then. Returns the finest level filled. */
 enum { SV_SHADOW_PAGES_WHOLE = 1400 };
 #define SV_SHADOW_PAGES_WHOLE_S 2.5 /* before a service first draws */
 int sv_shadow_pages_fill_whole(struct sv_shadow_pages *pages, double casters, double most_s);

@@ -108,7 +108,8 @@ static struct won take_samples(const struct mixed *m, int x, int y)
     return won;
 }
 
-static void take_pixel(const struct mixed *m, int x, int y, struct sv_sprite_tile *tile, struct sv_sprite_hard *hard)
+static void take_pixel(const struct mixed *m, int x, int y, struct sv_sprite_tile *tile,
+                       struct sv_sprite_hard *hard)
 {
     struct won won = take_samples(m, x, y);
     int samples = m->pass.across * m->pass.down, taken = won.before + won.now;
@@ -148,7 +149,8 @@ static void take_tile(void *context, int t, const struct sv_sprite_state *state,
         }
 }
 
-/* Entries first .. of the leaves' list that come before the sprite `next` (NULL: all); returns the first after. */
+/* Entries first .. of the leaves' list that come before the sprite `next` (NULL: all); returns the first
+ * after. */
 static uint32_t draw_leaves(struct mixed *m, const struct sv_mixed_draw *draw, uint32_t first,
                             const struct sv_cull_entry *next, enum sv_status *status, struct sv_error *error)
 {
@@ -193,7 +195,8 @@ static enum sv_status draw_band(struct mixed *m, const struct sv_mixed_draw *dra
     while (!status && (i < draw->near.count || j < draw->far.count)) {
         i = draw_leaves(m, draw, i, j < draw->far.count ? &draw->far.entries[j] : NULL, &status, error);
         if (!status)
-            j = draw_sprites(m, draw, j, i < draw->near.count ? &draw->near.entries[i] : NULL, &status, error);
+            j = draw_sprites(m, draw, j, i < draw->near.count ? &draw->near.entries[i] : NULL, &status,
+                             error);
     }
     if (!status)
         sv_sprite_band_end(m->sprites);

@@ -35,8 +35,8 @@ struct sv_leaf_splat {
     size_t sample_room;
     struct sv_leaf_seen_cluster *list, *sorted;
     uint32_t list_room;
-    float *tile_far;     /* by tile: least depth in it, or less: what it was before */
-    uint8_t *tile_state; /* enum sv_leaf_tile_state */
+    float *tile_far;       /* by tile: least depth in it, or less: what it was before */
+    uint8_t *tile_state;   /* enum sv_leaf_tile_state */
     uint8_t *tile_touched; /* clusters of the tree at hand were drawn into it; all zero between trees */
     uint8_t *tile_fresh;   /* trees have changed it since it was last taken (sv_leaf_between) */
     size_t tile_room;
@@ -61,7 +61,7 @@ struct sv_leaf_pass {
     const struct sv_tree *tree;
     const struct sv_leaf_splat_trees *trees;
     const struct sv_leaf_between *between; /* NULL: nobody */
-    bool sampled;                          /* samples are apart from the canvas: several a pixel, or between */
+    bool sampled; /* samples are apart from the canvas: several a pixel, or between */
     /* Samples across and down a pixel; focal length in them; where the axis meets the picture, in their
      * coordinates (leaf_kernel.h: a sample is a pixel there). */
     int across, down;
@@ -77,10 +77,11 @@ struct sv_leaf_pass {
 #define SV_LEAF_CLOSED 2.0f
 
 /* A pass over the camera's canvases with trees->samples a pixel. SV_EINVAL: not a number of samples. */
-SV_MUST_CHECK enum sv_status sv_leaf_pass_init(const struct sv_leaf_splat *splat, const struct sv_leaf_view *view,
-                                               int samples, struct sv_leaf_pass *pass, struct sv_error *error);
-/* pass->canvas is a band now; draws trees of pass->trees into it, nearest first; the samples of a sampled pass stay
- * in the splat. SV_ENOMEM. */
+SV_MUST_CHECK enum sv_status sv_leaf_pass_init(const struct sv_leaf_splat *splat,
+                                               const struct sv_leaf_view *view, int samples,
+                                               struct sv_leaf_pass *pass, struct sv_error *error);
+/* pass->canvas is a band now; draws trees of pass->trees into it, nearest first; the samples of a sampled
+ * pass stay in the splat. SV_ENOMEM. */
 SV_MUST_CHECK enum sv_status sv_leaf_band_begin(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,
                                                 struct sv_error *error);
 SV_MUST_CHECK enum sv_status sv_leaf_band_draw(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,

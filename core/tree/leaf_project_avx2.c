@@ -86,8 +86,10 @@ static inline __m256 range(__m256 lo, __m256 hi, int size, __m256i *first, __m25
 /* The mask of boxes that have rows of the band. */
 static inline __m256 in_band(const struct sv_leaf_eye *eye, const struct boxes *box)
 {
-    __m256i first = _mm256_set1_epi32(eye->row_first), end = _mm256_set1_epi32(eye->row_first + eye->row_count);
-    __m256i above = _mm256_cmpgt_epi32(end, box->j0), below = _mm256_cmpgt_epi32(_mm256_add_epi32(box->j0, box->ny), first);
+    __m256i first = _mm256_set1_epi32(eye->row_first),
+            end = _mm256_set1_epi32(eye->row_first + eye->row_count);
+    __m256i above = _mm256_cmpgt_epi32(end, box->j0),
+            below = _mm256_cmpgt_epi32(_mm256_add_epi32(box->j0, box->ny), first);
     return _mm256_castsi256_ps(_mm256_and_si256(above, below));
 }
 
@@ -134,15 +136,18 @@ static inline void enqueue(struct sv_leaf_job *job, int q, unsigned bits, const 
         sv_leaf_avx2.raster(job, q);
 }
 
-/* Those of the lanes there that lie behind what each tile of their boxes holds, of boxes that touch two tiles a side at most (the
- * scalar kernel finds out pixel by pixel). least: depth Z. */
-static inline __m256 hidden(const struct sv_leaf_job *job, __m256 there, const struct boxes *box, __m256 least)
+/* Those of the lanes there that lie behind what each tile of their boxes holds, of boxes that touch two tiles
+ * a side at most (the scalar kernel finds out pixel by pixel). least: depth Z. */
+static inline __m256 hidden(const struct sv_leaf_job *job, __m256 there, const struct boxes *box,
+                            __m256 least)
 {
     const __m256i tiles = _mm256_set1_epi32(job->tiles_x), one = _mm256_set1_epi32(1);
     const __m256i most = _mm256_set1_epi32(SV_LEAF_TILE + 1);
     /* Tiles count from the band's first row; what of a box lies beyond the band is of no matter. */
-    __m256i row_first = _mm256_set1_epi32(job->eye.row_first), last_row = _mm256_set1_epi32(job->eye.row_count - 1);
-    __m256i j0 = _mm256_sub_epi32(box->j0, row_first), j1 = _mm256_sub_epi32(_mm256_add_epi32(j0, box->ny), one);
+    __m256i row_first = _mm256_set1_epi32(job->eye.row_first),
+            last_row = _mm256_set1_epi32(job->eye.row_count - 1);
+    __m256i j0 = _mm256_sub_epi32(box->j0, row_first),
+            j1 = _mm256_sub_epi32(_mm256_add_epi32(j0, box->ny), one);
     __m256i tx0 = _mm256_srli_epi32(box->i0, TILE_BITS);
     __m256i tx1 = _mm256_srli_epi32(_mm256_sub_epi32(_mm256_add_epi32(box->i0, box->nx), one), TILE_BITS);
     __m256i ty0 = _mm256_srli_epi32(_mm256_max_epi32(j0, _mm256_setzero_si256()), TILE_BITS);
@@ -155,7 +160,8 @@ static inline __m256 hidden(const struct sv_leaf_job *job, __m256 there, const s
     const __m256i at[4] = {_mm256_add_epi32(ty0, tx0), _mm256_add_epi32(ty0, tx1), _mm256_add_epi32(ty1, tx0),
                            _mm256_add_epi32(ty1, tx1)};
     for (int k = 0; k < 4; k++)
-        held = _mm256_min_ps(held, _mm256_mask_i32gather_ps(_mm256_setzero_ps(), job->tile_far, at[k], asked, 4));
+        held = _mm256_min_ps(held,
+                             _mm256_mask_i32gather_ps(_mm256_setzero_ps(), job->tile_far, at[k], asked, 4));
     __m256 d = _mm256_div_ps(splat(job->eye.near_m * 1.00001f), least);
     return _mm256_cmp_ps(d, held, _CMP_LT_OQ);
 }

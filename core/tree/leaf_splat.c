@@ -199,7 +199,8 @@ static void end_samples(const struct sv_leaf_splat *splat, const struct sv_leaf_
     }
 }
 
-enum sv_status sv_leaf_band_begin(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, struct sv_error *error)
+enum sv_status sv_leaf_band_begin(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,
+                                  struct sv_error *error)
 {
     const struct sv_camera *camera = &pass->view->camera;
     const struct sv_canvas *band = pass->canvas;
@@ -224,7 +225,8 @@ enum sv_status sv_leaf_band_begin(struct sv_leaf_splat *splat, struct sv_leaf_pa
     return SV_OK;
 }
 
-enum sv_status sv_leaf_band_draw(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, struct sv_error *error)
+enum sv_status sv_leaf_band_draw(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,
+                                 struct sv_error *error)
 {
     const struct sv_leaf_splat_trees *list = pass->trees;
     enum sv_status status = SV_OK;
@@ -249,11 +251,11 @@ static bool lattice_of(int samples, int *across, int *down)
     return false;
 }
 
-enum sv_status sv_leaf_pass_init(const struct sv_leaf_splat *splat, const struct sv_leaf_view *view, int samples,
-                                 struct sv_leaf_pass *pass, struct sv_error *error)
+enum sv_status sv_leaf_pass_init(const struct sv_leaf_splat *splat, const struct sv_leaf_view *view,
+                                 int samples, struct sv_leaf_pass *pass, struct sv_error *error)
 {
-    *pass =
-        (struct sv_leaf_pass){.kernel = splat->kernel, .view = view, .focal = sv_camera_focal_px(&view->camera)};
+    *pass = (struct sv_leaf_pass){
+        .kernel = splat->kernel, .view = view, .focal = sv_camera_focal_px(&view->camera)};
     if (!lattice_of(samples, &pass->across, &pass->down))
         return sv_fail(error, SV_EINVAL, "samples", "%d samples a pixel: 1, 2, 4, 8 or 16", samples);
     pass->sampled = samples > 1;

@@ -2,10 +2,10 @@
  * clusters are drawn in which order, and its light.
  *
  * Clusters are drawn nearest first, in 64 slices of the tree's depth. One whose nearest point lies behind the
- * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls, and where foliage has
- * filled its gaps), and so is a whole tree, and single pieces; tiles are looked at again when asked for after a tree
- * was drawn there.
- * Depths only come nearer: an old answer hides too little, never too much. */
+ * farthest depth of every 16 x 16 tile that it can touch is left out (behind hills and walls, and where
+ * foliage has filled its gaps), and so is a whole tree, and single pieces; tiles are looked at again when
+ * asked for after a tree was drawn there. Depths only come nearer: an old answer hides too little, never too
+ * much. */
 #include "core/tree/leaf_pass.h"
 
 #include <math.h>
@@ -54,7 +54,8 @@ static bool set_thin(const struct sv_leaf_pass *pass, const struct sv_leaf_splat
     if (!(f > 0) || !(weight > 0))
         return false;
     job->thin = (struct sv_leaf_thin){rank_of_share(f * weight), WINDOW, f < 1 ? 1 / sqrtf(f) : 1};
-    /* Wood is there twice, in front and behind: a share s of its pieces covers 1 - (1 - s)^2 of what all do. */
+    /* Wood is there twice, in front and behind: a share s of its pieces covers 1 - (1 - s)^2 of what all do.
+     */
     job->come = (struct sv_leaf_thin){rank_of_share(1 - sqrtf(1 - weight)), WINDOW, 1};
     return true;
 }
@@ -384,8 +385,8 @@ static bool any_seen(const struct sv_leaf_seen *row, int count)
 }
 
 /* Lists what the tree has won of a row, i0 .. i1 - 1. */
-static void light_row(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, const struct sv_leaf_light *light,
-                      int j, int i0, int i1)
+static void light_row(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,
+                      const struct sv_leaf_light *light, int j, int i0, int i1)
 {
     const struct sv_leaf_job *job = splat->job;
     const struct sv_leaf_seen *row = job->seen + (size_t)j * (size_t)job->eye.width;
@@ -401,8 +402,8 @@ static void light_row(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, co
 }
 
 /* True when the tree has won anything of the tile. */
-static bool light_tile(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass, const struct sv_leaf_light *light,
-                       int tx, int ty)
+static bool light_tile(struct sv_leaf_splat *splat, struct sv_leaf_pass *pass,
+                       const struct sv_leaf_light *light, int tx, int ty)
 {
     const struct sv_leaf_job *job = splat->job;
     int i0 = tx * TILE, i1 = i0 + TILE < job->eye.width ? i0 + TILE : job->eye.width;

@@ -95,8 +95,8 @@ struct sv_tree_shade_change {
 /* Finds the light of one sun again where the change can be felt: tens of milliseconds at a million trees. It
  * is what an update would give that knows nothing of before, except when the change makes the number of tiles
  * pass the bound at which the picture of light is made coarser; and all trees are taken again when a step of
- * its texel's size is passed. That sun is current then, none if it was not kept or is dropped. SV_ENOMEM, SV_EINVAL (the
- * shade is of no use then). */
+ * its texel's size is passed. That sun is current then, none if it was not kept or is dropped. SV_ENOMEM,
+ * SV_EINVAL (the shade is of no use then). */
 SV_MUST_CHECK enum sv_status sv_tree_shade_change(struct sv_tree_shade *shade,
                                                   const struct sv_tree_shade_change *change,
                                                   struct sv_error *error);
@@ -116,8 +116,8 @@ double sv_tree_shade_share(const struct sv_tree_shade *shade, struct sv_vec3 pla
 /* Light of the current sun; valid until the next update. {NULL, NULL} before the first. */
 struct sv_tree_lights sv_tree_shade_lights(const struct sv_tree_shade *shade);
 
-/* Texel of the picture of light that the current sun's lights were taken from, m: with forest and sun it tells
- * them. 0: there are none. */
+/* Texel of the picture of light that the current sun's lights were taken from, m: with forest and sun it
+ * tells them. 0: there are none. */
 double sv_tree_shade_texel_m(const struct sv_tree_shade *shade);
 
 /* Share of sunlight at a point p of a tree (world axes, from the foot, in heights), 0..1. Twin: tree_light in

@@ -1,6 +1,6 @@
-/* sprite_band.c - see sprite_band.h. Trees are taken in batches, nearest first; of each, what cannot show (its
- * box lies in tiles that are closed, or behind all that is opaque there) is dropped before it is set up; the
- * rest is sorted into tiles, and each tile draws its own in order. */
+/* sprite_band.c - see sprite_band.h. Trees are taken in batches, nearest first; of each, what cannot show
+ * (its box lies in tiles that are closed, or behind all that is opaque there) is dropped before it is set up;
+ * the rest is sorted into tiles, and each tile draws its own in order. */
 #include "core/tree/sprite_band.h"
 
 #include <float.h>
@@ -223,9 +223,9 @@ static uint32_t set_up_batch(struct sv_sprite_band *s, const struct sv_tree *tre
             continue;
         out->first = pictures;
         out->share = (uint32_t)(fminf(share, 1) * SV_SPRITE_SHARE + 0.5f);
-        int n = sv_sprite_set_up(
-            &s->seen, species, tree, lights.of_tree ? &lights.of_tree[index] : NULL,
-            lights.of_tree ? &lights.of_species[tree->species] : NULL, out, s->sprites + pictures);
+        int n = sv_sprite_set_up(&s->seen, species, tree, lights.of_tree ? &lights.of_tree[index] : NULL,
+                                 lights.of_tree ? &lights.of_species[tree->species] : NULL, out,
+                                 s->sprites + pictures);
         pictures += (uint32_t)n;
         made += n > 0;
     }
@@ -279,8 +279,8 @@ static void draw_tiles(struct sv_sprite_band *s)
         if (first == end)
             continue;
         struct sv_sprite_state before = s->states[t];
-        s->steps->draw(&s->light, s->trees, s->sprites, s->order + first, end - first, &s->states[t], &s->tiles[t],
-                       s->hard_wanted ? &s->hard[t] : NULL);
+        s->steps->draw(&s->light, s->trees, s->sprites, s->order + first, end - first, &s->states[t],
+                       &s->tiles[t], s->hard_wanted ? &s->hard[t] : NULL);
         tell_closed(s, t, &before);
     }
 }

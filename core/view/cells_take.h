@@ -39,10 +39,10 @@ struct sv_cells_frame {
     const struct sv_resolved_view *view;
     int row_first, row_end; /* of the picture that is drawn */
     bool sky;
-    bool all;      /* from all rings of panels; else from what pays */
+    bool all;                     /* from all rings of panels; else from what pays */
     const struct sv_bands *bands; /* NULL: all of the picture is drawn here */
-    bool ahead;    /* only builds, */
-    uint32_t most; /* so many panels */
+    bool ahead;                   /* only builds, */
+    uint32_t most;                /* so many panels */
     struct sv_cells_report *report;
 
     struct sv_view_rings at;

@@ -21,7 +21,8 @@ SV_MUST_CHECK enum sv_status sv_direct_create(const struct sv_scene *scene, stru
                                               struct sv_direct **direct, struct sv_error *error);
 void sv_direct_destroy(struct sv_direct *direct); /* NULL is legal */
 /* As sv_renderer_warm_shadows, where it takes no longer than about most_s on one core. */
-SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, double most_s, struct sv_error *error);
+SV_MUST_CHECK enum sv_status sv_direct_warm_shadows(struct sv_direct *direct, double most_s,
+                                                    struct sv_error *error);
 
 /* As sv_renderer_change: the scene has changed in place. Light that has to be found again at
  * more than SV_DIRECT_SUN_TREES trees is left to the first view that wants it. */
@@ -34,12 +35,13 @@ struct sv_direct_pass {
     bool sky;                      /* false: what shows the sky is 0, transparent */
     bool trees;                    /* and the view's plan draws them */
     double shift_x_px, shift_y_px; /* the sample inside the pixel */
-    int row_first, row_count; /* the band of rows that is drawn; row_count 0: all of them, row_first is then 0 */
+    int row_first,
+        row_count; /* the band of rows that is drawn; row_count 0: all of them, row_first is then 0 */
 };
 
-/* Draws everything once into the layers of the picture (allocated, the camera's columns and the band's rows). Colour is
- * premultiplied, depth window depth as GL has it (reversed). Bands are parts of the whole, byte for byte. stats may be
- * NULL. */
+/* Draws everything once into the layers of the picture (allocated, the camera's columns and the band's rows).
+ * Colour is premultiplied, depth window depth as GL has it (reversed). Bands are parts of the whole, byte for
+ * byte. stats may be NULL. */
 SV_MUST_CHECK enum sv_status sv_direct_draw(struct sv_direct *direct, const struct sv_resolved_view *view,
                                             const struct sv_direct_pass *pass, struct sv_picture *picture,
                                             struct sv_draw_stats *stats, struct sv_error *error);

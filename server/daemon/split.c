@@ -3,11 +3,11 @@
 #include "server/daemon/service.h"
 #include "server/daemon/views.h"
 
-/* Smaller pictures are not worth a second worker: processor ms of the whole and of the longer half (forest_bands,
- * 45,000 trees, from cells) are 0.9 and 0.8 of 64 x 64, 0.9 and 0.7 (flight), 8.8 and 7.0 (walk) of 128 x 128, 14 and 10,
- * 36 and 24 of 512 x 512. One client of the demo on two cores, medians of whole answers: the flight at 512 x 512 from cells
- * takes as long split as whole (21 ms), the walk 0.78 times as long, directly drawn pictures 0.57 and 0.49 times; with
- * four clients as many pictures come. */
+/* Smaller pictures are not worth a second worker: processor ms of the whole and of the longer half
+ * (forest_bands, 45,000 trees, from cells) are 0.9 and 0.8 of 64 x 64, 0.9 and 0.7 (flight), 8.8 and 7.0
+ * (walk) of 128 x 128, 14 and 10, 36 and 24 of 512 x 512. One client of the demo on two cores, medians of
+ * whole answers: the flight at 512 x 512 from cells takes as long split as whole (21 ms), the walk 0.78 times
+ * as long, directly drawn pictures 0.57 and 0.49 times; with four clients as many pictures come. */
 enum { PIXELS_MIN = 128 * 128 };
 
 bool sv_split_pays(const struct sv_view_request *request, const struct sv_resolved_view *view)

@@ -1,5 +1,5 @@
-/* test_draw_mixed.c - leaves and sprites of one view, nearest first: what is dropped because it is hidden changes no
- * bit; and the picture is the one that trees make that are drawn one by one, farthest first. */
+/* test_draw_mixed.c - leaves and sprites of one view, nearest first: what is dropped because it is hidden
+ * changes no bit; and the picture is the one that trees make that are drawn one by one, farthest first. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -61,7 +61,8 @@ static struct sv_camera stand(bool above, double side_m, uint64_t seed)
                                     .height_m = (float)(6 + 8 * sv_rng_unit(&rng)),
                                     .rotation_rad = (float)(6 * sv_rng_unit(&rng)),
                                     .number = k};
-        entries[k] = (struct sv_cull_entry){sv_cull_order_code((float)sv_cull_distance_m(camera, &trees[k])), k};
+        entries[k] =
+            (struct sv_cull_entry){sv_cull_order_code((float)sv_cull_distance_m(camera, &trees[k])), k};
     }
     struct sv_cull_entry *sorted = sv_cull_sort(entries, swap, TREES);
     memmove(entries, sorted, sizeof entries);
@@ -146,8 +147,8 @@ static void draw_mixed(const struct sv_camera *camera, const struct lists *l, bo
     draw_at(camera, l, surface, samples, middle, p);
 }
 
-/* One by one, each over what is behind it. Not as a surface: that would have leaves hidden by the depth of sprites that
- * cover next to nothing. */
+/* One by one, each over what is behind it. Not as a surface: that would have leaves hidden by the depth of
+ * sprites that cover next to nothing. */
 static void draw_singly(const struct sv_camera *camera, const struct lists *l, bool surface, int samples,
                         struct paper *p)
 {
@@ -159,7 +160,8 @@ static void draw_singly(const struct sv_camera *camera, const struct lists *l, b
     for (uint32_t i = l->near_count, j = l->far_count; i > 0 || j > 0;) {
         if (j > 0 && (i == 0 || l->far[j - 1].key >= l->near[i - 1].key)) {
             struct sv_sprite_list one = {l->far + --j, l->share + j, 1, false};
-            fixture_ok(sv_sprite_draw_trees(sprites, &view, &canvas, trees, &one, all.near.lights, &error), &error);
+            fixture_ok(sv_sprite_draw_trees(sprites, &view, &canvas, trees, &one, all.near.lights, &error),
+                       &error);
         } else {
             struct sv_leaf_splat_trees one = all.near;
             one.entries = l->near + --i;
@@ -190,10 +192,10 @@ static void drops_nothing_that_shows(void **state)
     }
 }
 
-/* Trees that are drawn singly hide by the depth of their leaves, in one pass by distance where a sprite stands between;
- * sprites stop at 1 / 32 of the light, and each layer rounds its colours: pictures differ by that where crowns grow into
- * each other, on the average by little (most from above, where the tops of what is farther are in the sun), in coverage
- * by next to nothing. */
+/* Trees that are drawn singly hide by the depth of their leaves, in one pass by distance where a sprite
+ * stands between; sprites stop at 1 / 32 of the light, and each layer rounds its colours: pictures differ by
+ * that where crowns grow into each other, on the average by little (most from above, where the tops of what
+ * is farther are in the sun), in coverage by next to nothing. */
 static void looks_like_trees_one_by_one(void **state)
 {
     (void)state;
@@ -214,8 +216,8 @@ static void looks_like_trees_one_by_one(void **state)
             }
         }
         printf("%s, %s: mean difference %.3f levels, bias %.3f %.3f %.3f, coverage %.3f\n",
-               above ? "above" : "beside", surface ? "surface" : "picture", sum / (3 * PIXELS), bias[0] / PIXELS,
-               bias[1] / PIXELS, bias[2] / PIXELS, covered / PIXELS);
+               above ? "above" : "beside", surface ? "surface" : "picture", sum / (3 * PIXELS),
+               bias[0] / PIXELS, bias[1] / PIXELS, bias[2] / PIXELS, covered / PIXELS);
         assert_true(sum / (3 * PIXELS) < 2.5);
         assert_true(covered / PIXELS < 0.25);
         for (int c = 0; c < 3; c++)
@@ -223,8 +225,8 @@ static void looks_like_trees_one_by_one(void **state)
     }
 }
 
-/* Four samples cover what four pictures of one sample each do, on the average; sprites of those are seen from places
- * within the pixel, too. */
+/* Four samples cover what four pictures of one sample each do, on the average; sprites of those are seen from
+ * places within the pixel, too. */
 static void samples_are_a_mean(void **state)
 {
     (void)state;
