@@ -15,16 +15,6 @@ static size_t on_line(size_t bytes)
     return (bytes + LINE - 1) / LINE * LINE;
 }
 
-static const struct {
-    int channels;
-    enum sv_pixel_type type;
-} forms[SV_LAYER_COUNT] = {
-    [SV_LAYER_COLOR] = {4, SV_PIXEL_U8},
-    [SV_LAYER_DEPTH] = {1, SV_PIXEL_F32},
-    [SV_LAYER_NORMAL] = {3, SV_PIXEL_F32},
-    [SV_LAYER_ID] = {1, SV_PIXEL_U32},
-};
-
 /* Layers of a view one behind the other, from base on (NULL: only counted); their bytes. */
 static size_t lay_out(const struct sv_view_request *request, uint8_t *base, struct sv_picture *picture)
 {
@@ -32,11 +22,8 @@ static size_t lay_out(const struct sv_view_request *request, uint8_t *base, stru
     for (int k = 0; k < SV_LAYER_COUNT; k++) {
         if (!(request->layers & 1u << k))
             continue;
-        picture->layer[k] = (struct sv_image){.width = request->width,
-                                              .height = request->height,
-                                              .channels = forms[k].channels,
-                                              .type = forms[k].type,
-                                              .data = base ? base + bytes : NULL};
+        picture->layer[k] = sv_picture_layer(k, request->width, request->height);
+        picture->layer[k].data = base ? base + bytes : NULL;
         bytes += on_line(sv_image_bytes(&picture->layer[k]));
     }
     return bytes;

@@ -13,6 +13,22 @@ struct sv_picture {
         layer[SV_LAYER_COUNT]; /* COLOR u8 x 4; DEPTH f32; NORMAL f32 x 3; ID u32; empty when not asked for */
 };
 
+/* What a picture's image of that layer is like, without its data. */
+static inline struct sv_image sv_picture_layer(int layer, int width, int height)
+{
+    static const struct {
+        int channels;
+        enum sv_pixel_type type;
+    } forms[SV_LAYER_COUNT] = {
+        [SV_LAYER_COLOR] = {4, SV_PIXEL_U8},
+        [SV_LAYER_DEPTH] = {1, SV_PIXEL_F32},
+        [SV_LAYER_NORMAL] = {3, SV_PIXEL_F32},
+        [SV_LAYER_ID] = {1, SV_PIXEL_U32},
+    };
+    return (struct sv_image){
+        .width = width, .height = height, .channels = forms[layer].channels, .type = forms[layer].type};
+}
+
 /* Images of the camera's size for a bit set of layers. SV_ENOMEM (what was made is in the picture: finish
  * it). */
 SV_MUST_CHECK enum sv_status sv_picture_alloc(const struct sv_camera *camera, unsigned layers,

@@ -17,7 +17,7 @@ void sv_views_handle(struct sv_service *service, struct sv_exchange *exchange);
 void sv_views_pump_soon(struct sv_service *service);
 void sv_views_pump(void *service);
 
-/* Outcomes (struct sv_crew_events); context is the service, work a flight. */
+/* Outcomes (struct sv_crew_events); context is the service, work a part of a flight. */
 void sv_views_idle(void *context);
 void sv_views_resolved(void *context, void *work, const struct sv_wire_resolved *answer);
 void sv_views_drawn(void *context, void *work, const struct sv_wire_drawn *answer, struct sv_slab *slab,
