@@ -134,14 +134,19 @@ class Bands(Case):
         d.unhook("hold")
         self.check(d, d.view(WIDTH))
 
-    @daemon_alone
-    def test_client_gone_lets_both_finish(self):
+    def held_and_left(self):
+        """A daemon whose two workers hold the bands of a view that its client no longer waits for."""
         d = self.both_idle(self.start())
         d.hook("hold", str(WIDTH))
         with d.connect() as s:
             s.sendall(("GET %s HTTP/1.1\r\nHost: x\r\n\r\n" % view_target(WIDTH)).encode())
             d.until_held(2)
         until(lambda: d.metric("clients_gone_total") == 1, "its leaving is noticed")
+        return d
+
+    @daemon_alone
+    def test_client_gone_lets_both_finish(self):
+        d = self.held_and_left()
         d.unhook("hold")
         until(lambda: d.metric("views_drawn_total") == 1, "drawn for whoever asks next")
         answer = d.view(WIDTH)
@@ -150,12 +155,7 @@ class Bands(Case):
 
     @daemon_alone
     def test_client_gone_and_a_death_start_nothing_anew(self):
-        d = self.both_idle(self.start())
-        d.hook("hold", str(WIDTH))
-        with d.connect() as s:
-            s.sendall(("GET %s HTTP/1.1\r\nHost: x\r\n\r\n" % view_target(WIDTH)).encode())
-            d.until_held(2)
-        until(lambda: d.metric("clients_gone_total") == 1, "its leaving is noticed")
+        d = self.held_and_left()
         os.kill(d.held()[0], signal.SIGKILL)
         until(lambda: d.metric("workers_died_total") == 1, "its death is known")
         d.unhook("hold")

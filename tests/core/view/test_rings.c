@@ -15,6 +15,9 @@
 #include "core/view/rings.h"
 #include "tests/core/view/scene_kit.h"
 
+static const struct kit_options HILLS = {
+    .width = 65, .height = 65, .x0 = 5e5, .y0 = 4e6, .z0 = 100, .dx = 5, .dy = 5, .relief_m = 20, .seed = 3};
+
 static struct sv_resolved_view resolve(const struct sv_scene *scene, const struct sv_view_request *request)
 {
     struct sv_resolved_view view;
@@ -27,16 +30,7 @@ static struct sv_resolved_view resolve(const struct sv_scene *scene, const struc
 static void cells_of_views(void **state)
 {
     (void)state;
-    struct kit_options options = {.width = 65,
-                                  .height = 65,
-                                  .x0 = 5e5,
-                                  .y0 = 4e6,
-                                  .z0 = 100,
-                                  .dx = 5,
-                                  .dy = 5,
-                                  .relief_m = 20,
-                                  .seed = 3};
-    struct sv_scene *scene = kit_scene(&options);
+    struct sv_scene *scene = kit_scene(&HILLS);
     scene->relief_distance_m = 100;
     scene->relief_resolution = 512;
     struct sv_view_request request = kit_request();
@@ -87,16 +81,7 @@ static void resolutions(void **state)
         {2048, 512, 60, 1024},  {1024, 511, 90, 512},  {1024, 513, 90, 1024},
         {777, 16, 60, 777},     {200, 16, 60, 200},    {1024, 16, 1, 1024}, /* 2 F = 1833 */
     };
-    struct kit_options options = {.width = 65,
-                                  .height = 65,
-                                  .x0 = 5e5,
-                                  .y0 = 4e6,
-                                  .z0 = 100,
-                                  .dx = 5,
-                                  .dy = 5,
-                                  .relief_m = 20,
-                                  .seed = 3};
-    struct sv_scene *scene = kit_scene(&options);
+    struct sv_scene *scene = kit_scene(&HILLS);
     for (size_t k = 0; k < sizeof rows / sizeof rows[0]; k++) {
         struct sv_view_request request = kit_request();
         request.eye = (struct sv_place){.form = SV_PLACE_XY, .x = 500100, .y = 4000100, .agl = 2};
@@ -120,16 +105,7 @@ static void cells_by_quality(void **state)
                                                    [SV_QUALITY_BALANCED] = 0.05,
                                                    [SV_QUALITY_HIGH] = 0.025,
                                                    [SV_QUALITY_REFERENCE] = 0.025};
-    struct kit_options options = {.width = 65,
-                                  .height = 65,
-                                  .x0 = 5e5,
-                                  .y0 = 4e6,
-                                  .z0 = 100,
-                                  .dx = 5,
-                                  .dy = 5,
-                                  .relief_m = 20,
-                                  .seed = 3};
-    struct sv_scene *scene = kit_scene(&options);
+    struct sv_scene *scene = kit_scene(&HILLS);
     struct sv_rng rng = sv_rng_seeded(9, 1);
     scene->relief_distance_m = 100;
     for (int n = 0; n < 4000; n++) {
