@@ -161,7 +161,11 @@ class Daemon:
         return [p for p in pids if alive(p)]
 
     def until_held(self, count=1):
-        return until(lambda: len(self.held()) >= count and self.held(), "%d workers held" % count)
+        def enough():
+            held = self.held()
+            return held if len(held) >= count else None
+
+        return until(enough, "%d workers held" % count)
 
     # ---- HTTP ----
     def request(self, method, target, body=None, headers=None, timeout=PATIENCE_S):
