@@ -167,6 +167,9 @@ class Daemon:
 
         return until(enough, "%d workers held" % count)
 
+    def until_others_held(self, but, what):
+        return until(lambda: [pid for pid in self.held() if pid not in but], what)
+
     # ---- HTTP ----
     def request(self, method, target, body=None, headers=None, timeout=PATIENCE_S):
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout)

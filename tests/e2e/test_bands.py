@@ -82,7 +82,7 @@ class Bands(Case):
             answer = d.background(d.view, WIDTH)
             victim = d.until_held()[0]
             os.kill(victim, signal.SIGKILL)
-            fresh = until(lambda: [p for p in d.held() if p != victim], "a fresh worker has the band")
+            fresh = d.until_others_held([victim], "a fresh worker has the band")
             self.assertEqual(len(fresh), 1)
             d.unhook("hold")
             self.check(d, answer.result())

@@ -200,7 +200,7 @@ class Cells(Warm):
         answer = d.background(d.get, target(size=129))
         victim = d.until_held()[0]
         os.kill(victim, signal.SIGKILL)
-        until(lambda: d.held() and d.held() != [victim], "a fresh worker has the view")
+        d.until_others_held([victim], "a fresh worker has the view")
         d.unhook("hold")
         self.assertEqual(answer.result().status, 200)
         self.assertEqual(cell(answer.result())[:2], ("built", name))
@@ -478,7 +478,7 @@ class Refined(Warm):
         self.assertEqual(d.held(), held, "one refines, one draws")
         os.kill(held[0], signal.SIGKILL)
         until(lambda: d.metric("workers") == 2, "it is replaced")
-        until(lambda: d.held() and d.held() != held, "another cell's turn")
+        d.until_others_held(held, "another cell's turn")
         self.assertEqual(self.states(d).count("building"), 1, "what the dead had begun is given back")
         d.unhook("hold-refine")
         self.until_refined(d)

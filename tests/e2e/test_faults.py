@@ -15,7 +15,7 @@ class Workers(Case):
         answer = d.background(d.view, 77)
         victim = d.until_held()[0]
         os.kill(victim, signal.SIGKILL)
-        until(lambda: d.held() and d.held() != [victim], "a fresh worker has the view")
+        d.until_others_held([victim], "a fresh worker has the view")
         d.unhook("hold")
         self.assertEqual(answer.result().status, 200)
         self.assertGreater(len(answer.result().body), 64)
