@@ -30,7 +30,8 @@ static uint32_t code_of(float c)
     memcpy(&m, &mantissa, sizeof m);
     for (int k = 2; k >= 0; k--)
         power = power * m + sv_leaf_root[k];
-    float curve = power * sv_leaf_octave[bits >> 23 & 7] - 255 * 0.055f, line = c * (255 * 12.92f);
+    float curve = power * sv_leaf_octave[bits >> 23 & 7] - 255 * 0.055f;
+    float line = sv_leaf_min(c * SV_LEAF_LINE, c * SV_LEAF_CHORD + SV_LEAF_CHORD_AT_0);
     return (uint32_t)lrintf(c >= 1.0f / 256 ? curve : line);
 }
 

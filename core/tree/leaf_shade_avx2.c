@@ -42,7 +42,9 @@ static inline __m256i code_of(__m256 c)
     for (int k = 2; k >= 0; k--)
         power = add(mul(power, m), splat(sv_leaf_root[k]));
     __m256 octave = _mm256_permutevar8x32_ps(_mm256_loadu_ps(sv_leaf_octave), _mm256_srli_epi32(bits, 23));
-    __m256 curve = sub(mul(power, octave), splat(255 * 0.055f)), line = mul(c, splat(255 * 12.92f));
+    __m256 curve = sub(mul(power, octave), splat(255 * 0.055f));
+    __m256 chord = add(mul(c, splat(SV_LEAF_CHORD)), splat(SV_LEAF_CHORD_AT_0));
+    __m256 line = _mm256_min_ps(mul(c, splat(SV_LEAF_LINE)), chord);
     return _mm256_cvtps_epi32(_mm256_blendv_ps(line, curve, _mm256_cmp_ps(c, splat(1.0f / 256), _CMP_GE_OQ)));
 }
 
