@@ -55,7 +55,9 @@ enum sv_status sv_crown_buffer_create(int width, int row_first, int row_count,
     b->keys = calloc(keys + 1, sizeof *b->keys);
     b->closed = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
     b->shown = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
-    if (!b->keys || !b->closed || !b->shown) {
+    b->least = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, sizeof *b->least);
+    b->over = malloc((size_t)width * (size_t)row_count * sizeof *b->over);
+    if (!b->keys || !b->closed || !b->shown || !b->least || !b->over) {
         sv_crown_buffer_destroy(b);
         return sv_fail(error, SV_ENOMEM, "band", "no memory for %d x %d pixels", width, row_count);
     }
@@ -70,6 +72,8 @@ void sv_crown_buffer_destroy(struct sv_crown_buffer *buffer)
     free(buffer->keys);
     free(buffer->closed);
     free(buffer->shown);
+    free(buffer->least);
+    free(buffer->over);
     free(buffer);
 }
 
@@ -92,24 +96,45 @@ void sv_crown_buffer_begin(struct sv_crown_buffer *buffer)
     sv_crown_buffer_clear(buffer);
 }
 
-static bool block_done(const struct sv_crown_buffer *buffer, const float (*light)[4], int i0, int j0)
+/* Pixels of a block. */
+struct block {
+    int i0, i1, j0, j1;
+};
+
+static struct block block_at(const struct sv_crown_buffer *buffer, int x, int y)
 {
-    int i1 = i0 + SV_CROWN_BLOCK < buffer->width ? i0 + SV_CROWN_BLOCK : buffer->width;
-    int j1 = j0 + SV_CROWN_BLOCK < buffer->row_count ? j0 + SV_CROWN_BLOCK : buffer->row_count;
-    for (int j = j0; j < j1; j++)
-        for (int i = i0; i < i1; i++)
+    int i0 = x * SV_CROWN_BLOCK, j0 = y * SV_CROWN_BLOCK, i1 = i0 + SV_CROWN_BLOCK, j1 = j0 + SV_CROWN_BLOCK;
+    return (struct block){i0, i1 < buffer->width ? i1 : buffer->width, j0,
+                          j1 < buffer->row_count ? j1 : buffer->row_count};
+}
+
+static bool block_done(const struct sv_crown_buffer *buffer, const float (*light)[4], const struct block *b)
+{
+    for (int j = b->j0; j < b->j1; j++)
+        for (int i = b->i0; i < b->i1; i++)
             if (light[(size_t)j * (size_t)buffer->width + (size_t)i][3] >= SV_CROWN_PASS_MIN)
                 return false;
     return true;
 }
 
-void sv_crown_buffer_close(struct sv_crown_buffer *buffer, const float (*light)[4])
+static float least_of(const struct sv_crown_buffer *buffer, const float *front, const struct block *b)
+{
+    float least = INFINITY;
+    for (int j = b->j0; j < b->j1; j++)
+        for (int i = b->i0; i < b->i1; i++)
+            least = fminf(least, front[(size_t)j * (size_t)buffer->width + (size_t)i]);
+    return least;
+}
+
+void sv_crown_buffer_close(struct sv_crown_buffer *buffer, const float (*light)[4], const float *front)
 {
     for (int y = 0; y < buffer->blocks_y; y++)
         for (int x = 0; x < buffer->blocks_x; x++) {
-            uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x];
-            *closed = block_done(buffer, light, x * SV_CROWN_BLOCK, y * SV_CROWN_BLOCK);
-            buffer->closed_count += *closed;
+            struct block b = block_at(buffer, x, y);
+            int k = y * buffer->blocks_x + x;
+            buffer->closed[k] = block_done(buffer, light, &b);
+            buffer->least[k] = buffer->closed[k] && front ? least_of(buffer, front, &b) : INFINITY;
+            buffer->closed_count += buffer->closed[k];
         }
 }
 
@@ -152,13 +177,13 @@ static struct sv_crown_box blocks_of(const struct sv_crown_buffer *buffer, const
                                  b.y1 / SV_CROWN_BLOCK};
 }
 
-/* Whether no pixel of the box (of its part in the band) lets light pass. */
-static bool all_closed(const struct sv_crown_buffer *buffer, const struct sv_crown_box *box)
+/* Whether no pixel of the box (of its part in the band) lets light pass, or has something behind depth d. */
+static bool all_closed(const struct sv_crown_buffer *buffer, const struct sv_crown_box *box, float d)
 {
     struct sv_crown_box b = blocks_of(buffer, box);
     for (int y = b.y0; y <= b.y1; y++)
         for (int x = b.x0; x <= b.x1; x++)
-            if (!buffer->closed[y * buffer->blocks_x + x])
+            if (!buffer->closed[y * buffer->blocks_x + x] || d > buffer->least[y * buffer->blocks_x + x])
                 return false;
     return true;
 }
@@ -212,7 +237,7 @@ static bool tile_in_view(const double planes[PLANES][4], double texel, int tx, i
 static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, int ty,
                         const struct sv_panel_tile *tile)
 {
-    float min_x = INFINITY, max_x = -INFINITY, min_y = INFINITY, max_y = -INFINITY;
+    float min_x = INFINITY, max_x = -INFINITY, min_y = INFINITY, max_y = -INFINITY, nearest = 0;
     double x0 = texel * (tx * SV_PANEL_TILE - 0.5) - 1, y0 = 1 - texel * (ty * SV_PANEL_TILE - 0.5);
     for (int k = 0; k < 8; k++) {
         double xs = x0 + (k & 1 ? (SV_PANEL_TILE + 1) * texel : 0);
@@ -227,6 +252,7 @@ static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, in
         max_x = x > max_x ? x : max_x;
         min_y = y < min_y ? y : min_y;
         max_y = y > max_y ? y : max_y;
+        nearest = fmaxf(nearest, (float)(p[2] / p[3]) * (1 + 1e-6f));
     }
     /* Beyond those: SV_CROWN_GROW and rounding, then the neighbours that resolve looks at. */
     const float around = SV_CROWN_REACH + 0.5f;
@@ -235,7 +261,7 @@ static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, in
     min_y = fmaxf(min_y - around, s->lo_y);
     const struct sv_crown_box box = {(int)floorf(min_x), (int)floorf(x1), (int)floorf(min_y),
                                      (int)floorf(y1)};
-    return min_x > x1 || min_y > y1 || all_closed(s->buffer, &box);
+    return min_x > x1 || min_y > y1 || all_closed(s->buffer, &box, nearest);
 }
 
 /* The most that the sum of |L1| and |L2| is over the tile's box of centres, each L taken at its own most.
@@ -364,26 +390,92 @@ static void inverse_set(const struct sv_crown_source *source, struct sv_crown_in
     v->side = sv_panel_tiles(source->layer->size);
 }
 
+static void inverses_set(const struct sv_crown_source *sources, unsigned count,
+                         struct sv_crown_inverse inverse[SV_CROWN_SOURCES_ALL])
+{
+    assert(count <= SV_CROWN_SOURCES_MAX);
+    for (unsigned k = 0; k < SV_CROWN_SOURCES_ALL; k++)
+        inverse[k].legal = false;
+    for (unsigned k = 0; k < count; k++)
+        inverse_set(&sources[k], &inverse[k]);
+}
+
 void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
                          unsigned count, struct sv_crown_buffer *buffer, const float *depth, float tolerance,
                          float (*light)[4])
 {
-    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_MAX];
-    assert(count <= SV_CROWN_SOURCES_MAX);
-    for (unsigned k = 0; k < count; k++)
-        inverse_set(&sources[k], &inverse[k]);
+    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_ALL];
+    inverses_set(sources, count, inverse);
     struct sv_crown_resolve resolve = {inverse, buffer, depth, 1 - tolerance, light};
     for (int y = 0; y < buffer->blocks_y; y++)
         for (int x = 0; x < buffer->blocks_x; x++) {
             uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x];
-            int i0 = x * SV_CROWN_BLOCK, j0 = y * SV_CROWN_BLOCK;
-            int i1 = i0 + SV_CROWN_BLOCK < buffer->width ? i0 + SV_CROWN_BLOCK : buffer->width;
-            int j1 = j0 + SV_CROWN_BLOCK < buffer->row_count ? j0 + SV_CROWN_BLOCK : buffer->row_count;
+            struct block b = block_at(buffer, x, y);
+            buffer->least[y * buffer->blocks_x + x] = INFINITY;
             if (*closed || !buffer->shown[y * buffer->blocks_x + x])
                 continue;
-            *closed = kernel->block(&resolve, i0, i1, j0, j1);
+            *closed = kernel->block(&resolve, b.i0, b.i1, b.j0, b.j1);
             buffer->closed_count += *closed;
         }
+}
+
+/* Light of the block over what has been gathered; its keys are spent. */
+static void lay_over(struct sv_crown_buffer *buffer, const struct block *b, const float *front, float (*light)[4])
+{
+    for (int j = b->j0; j < b->j1; j++)
+        for (int i = b->i0; i < b->i1; i++) {
+            size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
+            const float *over = buffer->over[p];
+            if (!(front[p] < INFINITY) || over[3] == 1)
+                continue;
+            for (int c = 0; c < 3; c++)
+                light[p][c] = over[c] + over[3] * light[p][c];
+            light[p][3] *= over[3];
+            buffer->keys[sv_crown_at(buffer, i, j) - buffer->keys] = sv_crown_no_key(buffer->epoch);
+        }
+}
+
+/* Nothing is over the block yet; lets through only what something can go over. False: there is no such pixel. */
+static bool open_block(struct sv_crown_buffer *buffer, const struct block *b, const float *front)
+{
+    bool any = false;
+    for (int j = b->j0; j < b->j1; j++)
+        for (int i = b->i0; i < b->i1; i++) {
+            size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
+            float *over = buffer->over[p];
+            bool has = front[p] < INFINITY;
+            over[0] = over[1] = over[2] = 0;
+            over[3] = has;
+            any |= has;
+        }
+    return any;
+}
+
+void sv_crown_resolve_front_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
+                               unsigned count, struct sv_crown_buffer *buffer, const float *front,
+                               float (*light)[4])
+{
+    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_ALL];
+    int blocks = buffer->blocks_x * buffer->blocks_y;
+    inverses_set(sources, count, inverse);
+    struct sv_crown_resolve resolve = {inverse, buffer, front, 1, buffer->over};
+    /* Keys of all blocks stay until all are resolved: pixels look at their neighbours'. */
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < blocks; k++) {
+            struct block b = block_at(buffer, k % buffer->blocks_x, k / buffer->blocks_x);
+            if (!buffer->shown[k])
+                continue;
+            if (pass == 1)
+                lay_over(buffer, &b, front, light);
+            else if (open_block(buffer, &b, front))
+                (void)kernel->block(&resolve, b.i0, b.i1, b.j0, b.j1);
+        }
+}
+
+void sv_crown_resolve_front(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
+                            const float *front, float (*light)[4])
+{
+    sv_crown_resolve_front_at(sv_crown_kernel_of(sv_simd_level()), sources, count, buffer, front, light);
 }
 
 void sv_crown_resolve(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,

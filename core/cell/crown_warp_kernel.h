@@ -35,6 +35,8 @@ struct sv_crown_buffer {
     int blocks_x, blocks_y, closed_count;
     uint8_t *closed; /* of blocks of 16 x 16 pixels of the band: nothing passes any more */
     uint8_t *shown;  /* ... resolve may find a key there, or beside it, since the last clear */
+    float *least;    /* of closed ones: texels of less depth are behind all that has been gathered there */
+    float (*over)[4]; /* of pixels of the band: light in front of what has been gathered (resolve_front) */
 };
 
 /* The key of column i, row j of the band. */
@@ -53,6 +55,13 @@ static inline uint32_t sv_crown_bits(float v)
 static inline uint64_t sv_crown_key(uint64_t epoch, uint32_t depth_bits, uint32_t tag)
 {
     return epoch | (uint64_t)depth_bits << SV_CROWN_DEPTH_SHIFT | (tag ^ SV_CROWN_TAG_MASK);
+}
+
+/* A key of which nothing is shown: of no source, the farthest. */
+enum { SV_CROWN_NO_SOURCE = 15, SV_CROWN_SOURCES_ALL = 16 };
+static inline uint64_t sv_crown_no_key(uint64_t epoch)
+{
+    return sv_crown_key(epoch, 0, (uint32_t)SV_CROWN_NO_SOURCE << SV_CROWN_TEXEL_BITS);
 }
 
 /* One source, ready to splat. Row k of the map at texel (i, j) of a tile with code c is ((at[k] + j dv[k]) +
@@ -92,7 +101,7 @@ struct sv_crown_inverse {
 };
 
 struct sv_crown_resolve {
-    const struct sv_crown_inverse *sources;
+    const struct sv_crown_inverse *sources; /* SV_CROWN_SOURCES_ALL, those that are not there illegal */
     struct sv_crown_buffer *buffer;
     const float *depth; /* of the band, or NULL */
     float keep;         /* 1 - tolerance */
@@ -118,6 +127,9 @@ void sv_crown_splat_at(const struct sv_crown_kernel *kernel, const struct sv_cro
 void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
                          unsigned count, struct sv_crown_buffer *buffer, const float *depth, float tolerance,
                          float (*light)[4]);
+void sv_crown_resolve_front_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
+                               unsigned count, struct sv_crown_buffer *buffer, const float *front,
+                               float (*light)[4]);
 const struct sv_crown_kernel *sv_crown_kernel_of(enum sv_simd level);
 
 /* Premultiplied colours are blended in whole numbers: 255 * 255 * 256 is 1, less this so that they fit into

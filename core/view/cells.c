@@ -20,8 +20,8 @@
 /* Pixels that a texel may be wide in the middle of the picture: crowns of larger ones are squares. */
 #define TEXEL_PX_MAX 4
 
-/* Rows beyond a band that its own depend on (soften.h). */
-enum { APRON = 1 };
+/* Rows beyond a band that its own depend on (soften.h; crown_warp.h: what is in front there shows nothing beside it). */
+enum { APRON = SV_CROWN_REACH };
 
 struct sv_cells {
     struct sv_cells_take take;
@@ -234,9 +234,9 @@ static void clear_light(struct sv_cells *c, size_t pixels)
 }
 
 /* Trees within the cube of the innermost ring that is drawn from panels are in front of all others: the first
- * light. Where that is the innermost of all, leaves are pixels large: one sample a pixel, softened. */
+ * light. Where that is the innermost of all, leaves are pixels large: few samples a pixel will do, and one is softened. */
 static enum sv_status draw_near(struct sv_cells *c, const struct sv_cells_frame *f,
-                                struct sv_draw_stats *stats, struct sv_error *error)
+                                struct sv_draw_stats *stats, bool *any, struct sv_error *error)
 {
     bool all = f->first == f->at.crowns_first;
     struct sv_tree_shell shell = {
@@ -249,26 +249,38 @@ static enum sv_status draw_near(struct sv_cells *c, const struct sv_cells_frame 
                                .color = c->near[0]};
     struct sv_resolved_view view = *f->view;
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
-    bool any = false;
-    enum sv_status status = sv_direct_sees_trees(c->take.direct, &view, &shell, &any, error);
-    if (status || !any) {
+    *any = false;
+    enum sv_status status = sv_direct_sees_trees(c->take.direct, &view, &shell, any, error);
+    if (status || !*any) {
         clear_light(c, pixels);
         return status;
     }
+    bool soft = all && view.plan.near_samples == 1;
     if (all)
-        view.plan.leaf_samples = 1;
+        view.plan.leaf_samples = view.plan.near_samples;
     memcpy(c->near_depth, c->depth, pixels * sizeof *c->depth);
     memset(c->near, 0, pixels * sizeof *c->near);
     status = sv_direct_draw_trees(c->take.direct, &view, &shell, &canvas, stats, error);
     return status ? status
-                  : sv_soften(c->width, c->row_count, all ? SV_SOFTEN_SIDE : 0, (const uint8_t(*)[4])c->near,
+                  : sv_soften(c->width, c->row_count, soft ? SV_SOFTEN_SIDE : 0, (const uint8_t(*)[4])c->near,
                               c->light, error);
 }
 
-static void warp_crowns(struct sv_cells *c, const struct sv_cells_frame *f)
+/* Where near trees are, and where nothing of panels can be in front: there are none, or what is seen is not theirs. */
+static void set_front(struct sv_cells *c)
 {
+    size_t pixels = (size_t)c->row_count * (size_t)c->width;
+    for (size_t k = 0; k < pixels; k++)
+        c->near_depth[k] = c->near_depth[k] > c->depth[k] ? c->near_depth[k] : INFINITY;
+}
+
+/* near: there are such trees. */
+static void warp_crowns(struct sv_cells *c, const struct sv_cells_frame *f, bool near)
+{
+    if (near)
+        set_front(c);
     sv_crown_buffer_begin(c->crowns);
-    sv_crown_buffer_close(c->crowns, (const float(*)[4])c->light);
+    sv_crown_buffer_close(c->crowns, (const float(*)[4])c->light, near ? c->near_depth : NULL);
     for (int ring = f->first; ring < f->at.rings.count; ring++) {
         struct sv_crown_source sources[SV_CELL_FACES];
         unsigned count = 0;
@@ -285,6 +297,8 @@ static void warp_crowns(struct sv_cells *c, const struct sv_cells_frame *f)
             continue;
         sv_crown_buffer_clear(c->crowns);
         sv_crown_splat(sources, count, c->crowns, NULL);
+        if (near && ring == f->first)
+            sv_crown_resolve_front(sources, count, c->crowns, c->near_depth, c->light);
         sv_crown_resolve(sources, count, c->crowns, c->depth, BEHIND, c->light);
     }
 }
@@ -361,16 +375,17 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
     if (!status)
         status = sv_cells_take_panels(&c->take, &f, error);
     double t = now(c);
+    bool near = false;
     if (!status && f.ground_ring < 0)
         status = draw_ground_directly(c, &f, error);
     else if (!status)
         warp_ground(c, &f);
     t = since(c, report, f.ground_ring < 0 ? SV_STAGE_NEAR : SV_STAGE_WARP, t);
     if (!status)
-        status = draw_near(c, &f, stats, error);
+        status = draw_near(c, &f, stats, &near, error);
     t = since(c, report, SV_STAGE_NEAR, t);
     if (!status)
-        warp_crowns(c, &f);
+        warp_crowns(c, &f, near);
     if (!status && f.ground_ring >= 0)
         color_ground(c, &f);
     sv_cells_take_release(&c->take);

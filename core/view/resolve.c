@@ -169,12 +169,12 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
  * panels built in 33 frames. */
 static const struct {
     double terrain_error_px, tree_error_px, relief_texel_px, relief_holes;
-    int leaf_samples;
+    int leaf_samples, near_samples;
 } quality_table[SV_QUALITY_COUNT] = {
-    [SV_QUALITY_FAST] = {2.0, 2, 2, 12, 2},
-    [SV_QUALITY_BALANCED] = {1.0, 1.5, 1, 6, 4},
-    [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5, 3, 8},
-    [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 3, 16},
+    [SV_QUALITY_FAST] = {2.0, 2, 2, 12, 2, 1},
+    [SV_QUALITY_BALANCED] = {1.0, 1.5, 1, 6, 4, 1},
+    [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5, 3, 8, 8},
+    [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 3, 16, 16},
 };
 
 /* The lattice step of cells that keep the tolerance by the prediction of core/cell/region.h. It must be known before any
@@ -219,6 +219,7 @@ static void resolve_plan(const struct sv_scene *scene, const struct sv_view_requ
     plan->relief_texel_px =
         request->relief == SV_RELIEF_OFF ? 0 : quality_table[request->quality].relief_texel_px;
     plan->leaf_samples = quality_table[request->quality].leaf_samples;
+    plan->near_samples = quality_table[request->quality].near_samples;
     plan->tree_error_px = quality_table[request->quality].tree_error_px;
     plan->trees = plan->raycast && plan->draw_trees ? SV_TREES_RAYCAST : request->trees;
 }

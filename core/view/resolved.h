@@ -20,6 +20,7 @@ struct sv_plan {
     double terrain_error_px; /* 0: full detail */
     double relief_texel_px;  /* objects whose relief texels are at most this large are reliefs; 0: none */
     int leaf_samples;        /* a pixel, of near trees in pictures of one sample */
+    int near_samples;        /* the same before panels; 1: softened (soften.h) */
     enum sv_trees trees;     /* the form */
     double tree_error_px;    /* auto: trees are sprites where those are off by at most this */
     enum sv_relief_mode relief; /* whether from relief panels: as asked */

@@ -4,12 +4,14 @@
  *   walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] [--forms
  * on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
- *               [--warm] [--still] [--parts] [-o FOLDER]
+ *               [--quality fast|balanced|high] [--warm] [--still] [--apart] [--parts] [-o FOLDER]
  *
  * Paths: walk_path.h. Where the eye turns, how much a worker's frame differs from its next one taken back is
  * told (walk_turn.h). --warm: the path is gone along once before it is measured, by the process that workers
  * are forked from, and each worker draws some frames: what is measured maps panels that others have built, but
  * makes nothing that a process makes once, its heap included. --still: the first pose again and again.
+ * --apart: the path is gone along form by form, as clients would, so that no frame finds what another form's
+ * has left of the processor's caches; else each pose is drawn in all forms, which compares them best.
  * --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. four: the ray
  * cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the
  * same by parts of the picture (walk_parts.h).
@@ -51,13 +53,17 @@ struct setup {
     int frames, width, height, truth_stride, workers;
     int refine_samples, refine_scale; /* 0: panels stay as built */
     int panel;                        /* texels a side; 0: the scene's */
-    bool forms[FORMS], warm, still, parts;
+    enum sv_quality quality;
+    bool forms[FORMS], warm, still, parts, apart;
     const char *folder;
 };
 
 static struct sv_view_request pose(const struct forest *forest, const struct setup *setup, int k)
 {
-    return walk_path_pose(forest, setup->path, k, setup->still, setup->width, setup->height);
+    struct sv_view_request request =
+        walk_path_pose(forest, setup->path, k, setup->still, setup->width, setup->height);
+    request.quality = setup->quality;
+    return request;
 }
 
 static void dress(struct sv_view_request *request, enum form form)
@@ -197,10 +203,9 @@ static void draw_once(const struct forest *forest, const struct setup *setup, in
     sv_picture_finish(&picture);
 }
 
-static void work(const struct forest *forest, const struct setup *setup, int worker)
+/* forms: bits. */
+static void draw_path(const struct forest *forest, const struct setup *setup, int worker, unsigned forms)
 {
-    for (int k = 0; k < WARM_FRAMES && setup->warm && setup->forms[ON]; k++)
-        draw_once(forest, setup, worker);
     for (int k = worker; k < setup->frames; k += setup->workers) {
         struct sv_view_request request = pose(forest, setup, k);
         bool compare = setup->truth_stride > 0 && k % setup->truth_stride == 0;
@@ -209,10 +214,10 @@ static void work(const struct forest *forest, const struct setup *setup, int wor
             forest_truth(forest, &request, &truth.color);
         if (compare && setup->parts)
             truth.parts = walk_parts_of(forest, &request);
-        for (int n = 0; n < FORMS;
-             n++) { /* who comes first pays for caches that the pose has not yet filled */
+        for (int n = 0; n < FORMS; n++) {
+            /* Who comes first pays for caches that the pose has not yet filled. */
             int form = k / setup->workers % 2 ? FORMS - 1 - n : n;
-            if (setup->forms[form])
+            if (forms & 1u << form)
                 draw_frame(forest, setup, k, (enum form)form, compare ? &truth : NULL);
         }
         if (compare)
@@ -220,6 +225,22 @@ static void work(const struct forest *forest, const struct setup *setup, int wor
         sv_image_free(&truth.color);
         sv_image_free(&truth.parts);
     }
+}
+
+static void work(const struct forest *forest, const struct setup *setup, int worker)
+{
+    unsigned forms = 0;
+    for (int k = 0; k < WARM_FRAMES && setup->warm && setup->forms[ON]; k++)
+        draw_once(forest, setup, worker);
+    for (int form = 0; form < FORMS; form++)
+        forms |= setup->forms[form] ? 1u << form : 0;
+    if (!setup->apart) {
+        draw_path(forest, setup, worker, forms);
+        return;
+    }
+    for (int form = 0; form < FORMS; form++)
+        if (setup->forms[form])
+            draw_path(forest, setup, worker, 1u << form);
 }
 
 /* False when a worker failed. */
@@ -524,6 +545,19 @@ static bool read_forms(const char *text, struct setup *setup)
     return true;
 }
 
+static bool read_quality(const char *name, enum sv_quality *quality)
+{
+#define NAME(value, text) [value] = text,
+    static const char *const names[] = {SV_QUALITY_LIST(NAME)};
+#undef NAME
+    for (int k = 0; k < SV_QUALITY_REFERENCE; k++)
+        if (strcmp(name, names[k]) == 0) {
+            *quality = (enum sv_quality)k;
+            return true;
+        }
+    return false;
+}
+
 static bool option(struct setup *setup, const char *name, const char *value)
 {
     if (strcmp(name, "--counts") == 0)
@@ -543,6 +577,8 @@ static bool option(struct setup *setup, const char *name, const char *value)
     else if (strcmp(name, "--refine") == 0)
         return sscanf(value, "%dx%d", &setup->refine_samples, &setup->refine_scale) >= 1 &&
                setup->refine_samples >= 1 && setup->refine_scale >= 1;
+    else if (strcmp(name, "--quality") == 0)
+        return read_quality(value, &setup->quality);
     else if (strcmp(name, "-o") == 0)
         setup->folder = value;
     else if (strcmp(name, "--path") == 0)
@@ -563,6 +599,7 @@ int main(int argc, char **argv)
                           .height = 512,
                           .workers = 1,
                           .refine_scale = 1,
+                          .quality = SV_QUALITY_BALANCED,
                           .forms = {[ON] = true, [OFF] = true}};
     bool well = true;
     for (int k = 1; k < argc && well; k++) {
@@ -572,6 +609,8 @@ int main(int argc, char **argv)
             setup.still = true;
         else if (strcmp(argv[k], "--parts") == 0)
             setup.parts = true;
+        else if (strcmp(argv[k], "--apart") == 0)
+            setup.apart = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
@@ -579,8 +618,8 @@ int main(int argc, char **argv)
         fprintf(stderr,
                 "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] "
                 "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
-                "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] "
-                "[-o FOLDER]\n");
+                "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--quality fast|balanced|high] [--warm] [--still] "
+                "[--apart] [--parts] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";

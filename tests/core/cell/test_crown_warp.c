@@ -325,7 +325,7 @@ static void draw_rings(const struct sv_crown_kernel *kernel, const struct scene 
     struct sv_crown_buffer *buffer;
     assert_int_equal(sv_crown_buffer_create(p->width, first, rows, &buffer, NULL), SV_OK);
     if (leave_out)
-        sv_crown_buffer_close(buffer, (const float(*)[4])(p->light + (size_t)first * (size_t)p->width));
+        sv_crown_buffer_close(buffer, (const float(*)[4])(p->light + (size_t)first * (size_t)p->width), NULL);
     for (int ring = 0; ring < count; ring++) {
         if (!leave_out)
             sv_crown_buffer_begin(buffer);
@@ -417,7 +417,7 @@ static void test_closed_is_left_out(void **state)
     for (int open = 1; open >= 0; open--) {
         p.light[20 * 64 + 20][3] = (float)open;
         stats[1].drawn = 0;
-        sv_crown_buffer_close(buffer, (const float(*)[4])p.light);
+        sv_crown_buffer_close(buffer, (const float(*)[4])p.light, NULL);
         sv_crown_splat(&source, 1, buffer, &stats[1]);
         assert_true(open ? stats[1].drawn > 0 && stats[1].drawn < stats[0].drawn : stats[1].drawn == 0);
         sv_crown_buffer_begin(buffer);
