@@ -10,6 +10,7 @@
 #include "core/terrain/shadow_page.h"
 
 enum { SV_GROUND_LEVELS = 16, SV_GROUND_CODES = 4096 };
+enum { SV_GROUND_PAGE_LEVELS = SV_SHADOW_PAGE_FINER + SV_SHADOW_PAGE_LEVELS };
 
 /* An image and its mip levels. */
 struct sv_ground_map {
@@ -50,10 +51,11 @@ struct sv_ground_job {
     /* shadows; NULL: none */
     struct sv_shadow_pages *pages;
     const uint8_t *light;
+    bool refined; /* pages of a source are in use */
     int finest;
-    float page_x[SV_SHADOW_PAGE_LEVELS],
-        page_y[SV_SHADOW_PAGE_LEVELS]; /* the eye, texels, from its page's corner */
-    int32_t page_i[SV_SHADOW_PAGE_LEVELS], page_j[SV_SHADOW_PAGE_LEVELS];
+    /* of levels from -FINER on: the eye, texels, from its page's corner */
+    float page_x[SV_GROUND_PAGE_LEVELS], page_y[SV_GROUND_PAGE_LEVELS];
+    int32_t page_i[SV_GROUND_PAGE_LEVELS], page_j[SV_GROUND_PAGE_LEVELS];
 };
 
 typedef void sv_ground_row(const struct sv_ground_job *job, int y);

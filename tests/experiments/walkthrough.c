@@ -4,13 +4,14 @@
  *   walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] [--forms
  * on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
- *               [--warm] [--still] [--parts] [-o FOLDER]
+ *               [--warm] [--still] [--parts] [--shadows] [-o FOLDER]
  *
  * Paths: walk_path.h. Where the eye turns, how much a worker's frame differs from its next one taken back is
  * told (walk_turn.h). --warm: the path is gone along once before it is measured, by the process that workers
  * are forked from, and each worker draws some frames: what is measured maps panels that others have built, but
  * makes nothing that a process makes once, its heap included. --still: the first pose again and again.
- * --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. four: the ray
+ * --refine: all panels of a pose and the shadows on its ground are drawn again from the ray-cast truth before it
+ * is measured; with --shadows the shadows alone. four: the ray
  * cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the
  * same by parts of the picture (walk_parts.h).
  *
@@ -51,7 +52,7 @@ struct setup {
     int frames, width, height, truth_stride, workers;
     int refine_samples, refine_scale; /* 0: panels stay as built */
     int panel;                        /* texels a side; 0: the scene's */
-    bool forms[FORMS], warm, still, parts;
+    bool forms[FORMS], warm, still, parts, shadows_alone;
     const char *folder;
 };
 
@@ -79,8 +80,9 @@ static void refine(const struct forest *forest, const struct setup *setup, struc
     double ms;
     forest_draw(forest, request, &picture, NULL, NULL, NULL);
     sv_picture_finish(&picture);
-    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale, &ms);
-    printf("refined %u panels in %.1f s\n", count, ms * 1e-3);
+    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale,
+                                   setup->shadows_alone, &ms);
+    printf("refined %u panels and pages of shadow in %.1f s\n", count, ms * 1e-3);
 }
 
 /* One frame in one form; workers write them into memory that all share. */
@@ -572,6 +574,8 @@ int main(int argc, char **argv)
             setup.still = true;
         else if (strcmp(argv[k], "--parts") == 0)
             setup.parts = true;
+        else if (strcmp(argv[k], "--shadows") == 0)
+            setup.shadows_alone = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
@@ -579,7 +583,7 @@ int main(int argc, char **argv)
         fprintf(stderr,
                 "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] "
                 "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
-                "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] "
+                "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--warm] [--still] [--parts] [--shadows] "
                 "[-o FOLDER]\n");
         return 2;
     }
