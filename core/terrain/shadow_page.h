@@ -25,7 +25,7 @@ enum {
     SV_SHADOW_PAGE_SIDE = 128,
     SV_SHADOW_PAGE_STEP = SV_SHADOW_PAGE_SIDE - 2,
     SV_SHADOW_PAGE_LEVELS = 20,
-    SV_SHADOW_PAGE_FINER = 3, /* levels below 0 */
+    SV_SHADOW_PAGE_FINER = 4, /* levels below 0 */
     SV_SHADOW_PAGES = 2048,
     SV_SHADOW_CASTERS_MAX = 4
 };
