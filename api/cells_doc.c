@@ -2,6 +2,7 @@
 #include "api/cells_doc.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 
 #include "api/json_write.h"
@@ -71,7 +72,8 @@ char *sv_api_cells_doc(const struct sv_cells_facts *facts, size_t *bytes)
     cJSON *root = cJSON_CreateObject(), *cells = cJSON_CreateArray();
     sv_api_json_add_number(root, "budget_bytes", (double)s->budget_bytes, &good);
     sv_api_json_add_number(root, "used_bytes", (double)s->used_bytes, &good);
-    sv_api_json_add_number(root, "panels", s->panels, &good);
+    sv_api_json_add_number(root, "panels", fmax((double)s->panels - (double)facts->shadows, 0), &good);
+    sv_api_json_add_number(root, "shadow_pages", (double)facts->shadows, &good);
     sv_api_json_add_number(root, "building", s->building, &good);
     sv_api_json_add_number(root, "hits", (double)s->hits, &good);
     sv_api_json_add_number(root, "misses", (double)s->misses, &good);

@@ -14,6 +14,7 @@ struct sv_cells_facts {
     size_t cell_count;
     const struct sv_cell_cache_item *items; /* that the cells' first and count speak of */
     struct sv_cell_cache_stats stats;
+    size_t shadows; /* of the panels that stats counts: pages of shadow, which belong to no cell */
     size_t ahead; /* jobs that build ahead, waiting or running */
     size_t refine; /* views whose panels are to be refined */
 };

@@ -99,6 +99,7 @@ static struct sv_cell_use join_use(const struct sv_cell_use *a, const struct sv_
                                 .hits = a->hits + b->hits,
                                 .refined = a->refined + b->refined,
                                 .built = a->built + b->built,
+                                .shadows_left = a->shadows_left | b->shadows_left,
                                 .id = a->id ? a->id : b->id};
 }
 

@@ -119,6 +119,36 @@ static void hand_out(struct sv_cell_cache *cache, const struct sv_cache_entry *e
                                           (char *)cache + cache->data_at + e->offset, bytes, e->refined};
 }
 
+/* Is the panel that is READY of that generation? */
+static bool is_valid(const struct sv_cell_cache *cache, const struct sv_cache_entry *e, uint64_t generation)
+{
+    return e && e->since <= generation && generation <= cache->generation;
+}
+
+static void warm(const struct sv_cell_cache *cache, struct sv_cache_entry *e, double now_s)
+{
+    e->heat = sv_cache_heat(cache, e, now_s) + 1;
+    e->heat_at_s = now_s;
+}
+
+uint64_t sv_cell_cache_serial(struct sv_cell_cache *cache, uint64_t key, uint64_t generation, double now_s)
+{
+    assert(isfinite(now_s));
+    if (!lock(cache))
+        return 0;
+    struct sv_cache_entry *e = look_up(cache, key, SV_CACHE_READY);
+    uint64_t serial = is_valid(cache, e, generation) ? e->serial : 0;
+    if (serial)
+        warm(cache, e, now_s);
+    unlock(cache);
+    return serial;
+}
+
+uint64_t sv_cell_cache_changes(const struct sv_cell_cache *cache)
+{
+    return atomic_load_explicit(&cache->changes, memory_order_acquire);
+}
+
 enum sv_cell_cache_answer sv_cell_cache_find(struct sv_cell_cache *cache, unsigned slot, uint64_t key,
                                              uint64_t generation, double now_s,
                                              struct sv_cell_cache_panel *panel)
@@ -128,12 +158,10 @@ enum sv_cell_cache_answer sv_cell_cache_find(struct sv_cell_cache *cache, unsign
         return SV_CELL_CACHE_MISS;
     enum sv_cell_cache_answer answer = SV_CELL_CACHE_MISS;
     struct sv_cache_entry *e = look_up(cache, key, SV_CACHE_READY);
-    bool valid = e && e->since <= generation && generation <= cache->generation;
-    if (valid && e->pins[slot] < UINT16_MAX) {
+    if (is_valid(cache, e, generation) && e->pins[slot] < UINT16_MAX) {
         answer = SV_CELL_CACHE_HIT;
         e->pins[slot]++;
-        e->heat = sv_cache_heat(cache, e, now_s) + 1;
-        e->heat_at_s = now_s;
+        warm(cache, e, now_s);
         e->hits++;
         cache->count.hits++;
         hand_out(cache, e, e->used_bytes, panel);
@@ -232,6 +260,7 @@ static void retire(struct sv_cell_cache *cache, struct sv_cache_entry *e)
     }
     sv_cache_set_state(e, SV_CACHE_LINGERING);
     sv_cache_unlink(cache, n);
+    sv_cache_changed(cache);
 }
 
 static bool builds(const struct sv_cache_entry *e, unsigned slot)
@@ -279,6 +308,7 @@ bool sv_cell_cache_commit(struct sv_cell_cache *cache, unsigned slot, const stru
         e->hits = old ? old->hits : 0;
         e->pins[slot] = 1;
         sv_cache_set_state(e, found ? SV_CACHE_READY : SV_CACHE_LINGERING);
+        sv_cache_changed(cache);
         if (old)
             retire(cache, old);
         cache->count.builds++;
@@ -363,6 +393,7 @@ static void advance(struct sv_cell_cache *cache, uint64_t generation)
 {
     if (generation > cache->generation)
         cache->generation = generation;
+    sv_cache_changed(cache);
 }
 
 size_t sv_cell_cache_drop(struct sv_cell_cache *cache, uint64_t generation, double now_s,
@@ -416,6 +447,7 @@ void sv_cell_cache_turn_back(struct sv_cell_cache *cache, uint64_t generation)
     }
     if (generation < cache->generation)
         cache->generation = generation;
+    sv_cache_changed(cache);
     unlock(cache);
 }
 

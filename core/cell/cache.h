@@ -98,6 +98,11 @@ enum sv_cell_cache_answer {
 enum sv_cell_cache_answer sv_cell_cache_find(struct sv_cell_cache *cache, unsigned slot, uint64_t key,
                                              uint64_t generation, double now_s,
                                              struct sv_cell_cache_panel *panel);
+/* The serial of the panel that would be found; 0: none would. Renews its worth as finding does, but pins and
+ * counts nothing: for who has a copy of it. */
+uint64_t sv_cell_cache_serial(struct sv_cell_cache *cache, uint64_t key, uint64_t generation, double now_s);
+/* A number that is another one whenever what is found in the cache may be other than before. */
+uint64_t sv_cell_cache_changes(const struct sv_cell_cache *cache);
 /* Memory for a panel of that many bytes, whatever is in it. refined: a better version of a panel that may be
  * there; it is found until the new one is committed. HIT (refined: only when a refined one is there),
  * GRANTED, BUILDING, STALE or FULL; *panel is written on GRANTED only. */

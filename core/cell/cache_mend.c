@@ -149,5 +149,6 @@ void sv_cache_mend(struct sv_cell_cache *cache)
         if (sv_cache_state(e) == SV_CACHE_LINGERING && sv_cache_pins(e) == 0)
             sv_cache_free(cache, n);
     }
+    sv_cache_changed(cache);
     cache->count.owners_died++;
 }

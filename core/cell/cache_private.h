@@ -12,7 +12,7 @@
 
 enum { SV_CACHE_PAGE = 4096 };
 #define SV_CACHE_NONE UINT32_MAX
-#define SV_CACHE_MAGIC UINT64_C(0x6c6c65635f76736e) /* changes with the layout */
+#define SV_CACHE_MAGIC UINT64_C(0x6c6c65635f76736f) /* changes with the layout */
 
 enum sv_cache_state {
     SV_CACHE_FREE,
@@ -46,6 +46,7 @@ struct sv_cell_cache {
     uint64_t entries_at, buckets_at, order_at, data_at, data_bytes; /* from the block's begin */
     double half_life_s;
     uint64_t serial, generation;
+    _Atomic uint64_t changes; /* sv_cell_cache_changes: read without the lock */
     uint32_t order_count;
     struct sv_cell_cache_stats count; /* only what counts up */
     struct sv_cell_admit admit;
@@ -75,6 +76,11 @@ static inline void sv_cache_set_state(struct sv_cache_entry *e, enum sv_cache_st
     atomic_thread_fence(memory_order_seq_cst);
     atomic_store_explicit(&e->state, state, memory_order_relaxed);
     atomic_thread_fence(memory_order_seq_cst);
+}
+/* Something may be found that was not, or no longer. After it is so. */
+static inline void sv_cache_changed(struct sv_cell_cache *cache)
+{
+    atomic_fetch_add_explicit(&cache->changes, 1, memory_order_release);
 }
 unsigned sv_cache_pins(const struct sv_cache_entry *e);
 double sv_cache_heat(const struct sv_cell_cache *cache, const struct sv_cache_entry *e, double now_s);

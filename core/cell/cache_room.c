@@ -71,6 +71,7 @@ void sv_cache_free(struct sv_cell_cache *cache, uint32_t n)
     struct sv_cache_entry *e = sv_cache_entry(cache, n);
     sv_cache_set_state(e, SV_CACHE_FREE);
     sv_cache_unlink(cache, n);
+    sv_cache_changed(cache);
     memset(e->pins, 0, sizeof e->pins);
     uint32_t *order = sv_cache_order(cache), at = order_find(cache, e->offset);
     while (at < cache->order_count && order[at] != n) /* pieces that a wild write laid over each other */

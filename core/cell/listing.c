@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "core/cell/panel.h"
+
 #define ORDER(a, b)    \
     do {               \
         if ((a) < (b)) \
@@ -30,9 +32,23 @@ static int compare_cells(const struct sv_cell_cache_item *a, const struct sv_cel
     return 0;
 }
 
+static bool is_shadow(const struct sv_cell_cache_item *item)
+{
+    return item->label.parts.layer == SV_PANEL_SHADOW;
+}
+
+size_t sv_cell_listing_shadows(const struct sv_cell_cache_item *items, size_t count)
+{
+    size_t shadows = 0;
+    for (size_t k = 0; k < count; k++)
+        shadows += is_shadow(&items[k]) && !items[k].building;
+    return shadows;
+}
+
 static int compare(const void *a, const void *b)
 {
     const struct sv_cell_cache_item *x = a, *y = b;
+    ORDER(is_shadow(x), is_shadow(y));
     int cells = compare_cells(x, y);
     if (cells != 0)
         return cells;
@@ -73,6 +89,8 @@ size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, struct sv
     size_t found = 0;
     if (count > 0)
         qsort(items, count, sizeof *items, compare);
+    while (count > 0 && is_shadow(&items[count - 1]))
+        count--;
     for (size_t k = 0; k < count; k++) {
         if (k == 0 || compare_cells(&items[k - 1], &items[k]) != 0)
             cells[found++] = begin(&items[k], k);

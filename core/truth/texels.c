@@ -2,10 +2,8 @@
 #include "core/truth/texels.h"
 
 #include <math.h>
-#include <pmmintrin.h>
 #include <stdlib.h>
 #include <string.h>
-#include <xmmintrin.h>
 
 #include "core/truth/truth_private.h"
 
@@ -38,15 +36,6 @@ void sv_truth_part_destroy(struct sv_truth_part *part)
     free(part);
 }
 
-/* Embree wants denormals flushed while it traces; the caller's mode comes back afterwards. */
-static unsigned flush_denormals(void)
-{
-    unsigned mode = _mm_getcsr();
-    _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
-    _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
-    return mode;
-}
-
 static void tree_texel(const struct sv_truth_caster *caster, int samples, int i, int j, float light[4],
                        float *inverse_m)
 {
@@ -73,7 +62,7 @@ void sv_truth_trees_row(const struct sv_truth_part *part, const struct sv_camera
 {
     struct sv_truth_options all = {.shadows = options->shadows, .trees = options->trees};
     struct sv_truth_caster caster;
-    unsigned mode = flush_denormals();
+    unsigned mode = sv_truth_flush_denormals();
     sv_truth_caster_init(part->truth, camera, light, &all, &caster);
     caster.seen[0] = &part->layer;
     caster.scenes[0] = part->layer.full;
@@ -113,7 +102,7 @@ void sv_truth_ground_row(const struct sv_truth *truth, const struct sv_camera *c
 {
     struct sv_truth_options all = {.shadows = options->shadows, .trees = options->trees};
     struct sv_truth_caster caster;
-    unsigned mode = flush_denormals();
+    unsigned mode = sv_truth_flush_denormals();
     sv_truth_caster_init(truth, camera, light, &all, &caster);
     for (int k = 0; k < SV_TRUTH_LAYERS; k++)
         caster.scenes[k] = truth->layers[k].bare;

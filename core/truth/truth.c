@@ -3,10 +3,8 @@
 #include "core/truth/truth.h"
 
 #include <math.h>
-#include <pmmintrin.h>
 #include <stdlib.h>
 #include <string.h>
-#include <xmmintrin.h>
 
 #include "core/base/color.h"
 #include "core/base/frames.h"
@@ -128,9 +126,7 @@ static void cast(const struct sv_truth_caster *caster, struct sv_vec3 origin, st
     hit->id = SV_ID_TERRAIN;
 }
 
-/* 1 where the sun is seen from the hit, else 0; without shadows what the crown lets through on the average.
- */
-static float sun_visible(const struct sv_truth_caster *caster, const struct sv_truth_hit *hit)
+float sv_truth_sun_visible(const struct sv_truth_caster *caster, const struct sv_truth_hit *hit)
 {
     if (!caster->options->shadows)
         return hit->open;
@@ -163,7 +159,7 @@ static void shade(const struct sv_truth_caster *caster, struct sv_vec3 direction
             rgba[0] = rgba[1] = rgba[2] = rgba[3] = 0;
         return;
     }
-    float visible = sun_visible(caster, hit);
+    float visible = sv_truth_sun_visible(caster, hit);
     if (hit->leaf)
         sv_light_leaf(caster->light, hit->normal, sv_scale(unit, -1), hit->albedo, hit->occlusion,
                       hit->translucency, visible, rgba);
@@ -254,10 +250,7 @@ enum sv_status sv_truth_render(const struct sv_truth *truth, const struct sv_cam
     struct sv_truth_caster caster;
     sv_truth_caster_init(truth, camera, light, options, &caster);
     unsigned centre = options->layers & ~(1u << SV_LAYER_COLOR);
-    /* Embree wants denormals flushed while it traces; the caller's mode comes back afterwards. */
-    unsigned mode = _mm_getcsr();
-    _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
-    _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+    unsigned mode = sv_truth_flush_denormals();
     enum sv_status status = SV_OK;
     for (int j = options->row_first; j < options->row_first + options->row_count; j++) {
         if (options->stop && options->stop(options->stop_context)) {

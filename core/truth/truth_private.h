@@ -7,6 +7,8 @@
 #define SV_TRUTH_TRUTH_PRIVATE_H
 
 #include <embree3/rtcore.h>
+#include <pmmintrin.h>
+#include <xmmintrin.h>
 
 #include "core/truth/terrain_patch.h"
 #include "core/truth/truth.h"
@@ -92,6 +94,20 @@ void sv_truth_caster_init(const struct sv_truth *truth, const struct sv_camera *
 /* One ray through a place of the picture, px; rgba: premultiplied, linear, at most 1. */
 void sv_truth_sample(const struct sv_truth_caster *caster, double px, double py, struct sv_truth_hit *hit,
                      float rgba[4]);
+
+/* 1 where the sun is seen from the hit (its place, normal and depth), else 0; without shadows what the crown
+ * lets through on the average. */
+float sv_truth_sun_visible(const struct sv_truth_caster *caster, const struct sv_truth_hit *hit);
+
+/* Embree wants denormals flushed while it traces; the caller's mode, which this returns, comes back afterwards
+ * (_mm_setcsr). */
+static inline unsigned sv_truth_flush_denormals(void)
+{
+    unsigned mode = _mm_getcsr();
+    _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
+    _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+    return mode;
+}
 
 /* A layer of these trees alone, to be looked at: only `full` is made. SV_ENOMEM, SV_EINTERNAL. */
 SV_MUST_CHECK enum sv_status sv_truth_layer_of_trees(const struct sv_truth *truth, const uint32_t *trees,

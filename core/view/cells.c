@@ -35,6 +35,7 @@ struct sv_cells {
     uint8_t (*picture)[4]; /* ground and sky of all rows; those of the band are written */
     uint8_t (*rgba)[4];    /* the band's of it */
     uint8_t *hidden;
+    uint64_t lacking; /* sv_cells_shadow_begin */
 };
 
 enum sv_status sv_cells_create(const struct sv_scene *scene, struct sv_direct *direct,
@@ -126,6 +127,19 @@ bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 }
 
 /* ---- what is opaque ---- */
+
+/* What is drawn between the two is lit by refined pages of shadow, where the ground is always drawn directly. */
+static void begin_shadows(struct sv_cells *c, struct sv_cells_frame *f)
+{
+    if (f->low)
+        sv_cells_shadow_begin(&f->shadow, c->take.direct, &c->lacking);
+}
+
+static void end_shadows(struct sv_cells *c, struct sv_cells_frame *f)
+{
+    if (f->low)
+        f->report->shadows_left |= sv_cells_shadow_end(c->take.direct, c->lacking);
+}
 
 /* What stands on the ground besides trees cannot be shaded by depth alone. */
 static bool has_objects(const struct sv_cells *c)
@@ -340,6 +354,21 @@ enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_
     return sv_cells_take_list(&cells->take, &f, panels, count, error);
 }
 
+enum sv_status sv_cells_wanted_shadows(struct sv_cells *cells, const struct sv_resolved_view *view,
+                                       struct sv_cells_shadow *shadow,
+                                       struct sv_shadow_wish wishes[SV_CELLS_SHADOWS_MAX], size_t *count,
+                                       struct sv_error *error)
+{
+    struct sv_cells_report report;
+    struct sv_cells_frame f = {.view = view, .row_end = view->camera.height, .report = &report};
+    enum sv_status status = sv_cells_take_look(&cells->take, &f, error);
+    *shadow = f.shadow;
+    *count = 0;
+    if (!status && f.low && f.light.to_sun.z > 0)
+        status = sv_cells_shadow_wishes(shadow, cells->take.direct, view, wishes, count, error);
+    return status;
+}
+
 enum sv_status sv_cells_build(struct sv_cells *cells, const struct sv_resolved_view *view, uint32_t most,
                               struct sv_cells_report *report, struct sv_error *error)
 {
@@ -376,10 +405,13 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
         status = sv_cells_take_panels(&c->take, &f, error);
     double t = now(c);
     bool near = false;
-    if (!status && f.ground_ring < 0)
+    if (!status && f.ground_ring < 0) {
+        begin_shadows(c, &f);
         status = draw_ground_directly(c, &f, error);
-    else if (!status)
+        end_shadows(c, &f);
+    } else if (!status) {
         warp_ground(c, &f);
+    }
     t = since(c, report, f.ground_ring < 0 ? SV_STAGE_NEAR : SV_STAGE_WARP, t);
     if (!status)
         status = draw_near(c, &f, stats, &near, error);
@@ -390,8 +422,11 @@ enum sv_status sv_cells_draw(struct sv_cells *cells, const struct sv_resolved_vi
         color_ground(c, &f);
     sv_cells_take_release(&c->take);
     t = since(c, report, SV_STAGE_WARP, t);
-    if (!status)
+    if (!status) {
+        begin_shadows(c, &f);
         status = shade_behind(c, &f, error);
+        end_shadows(c, &f);
+    }
     if (!status)
         compose(c, first, options->row_count, rgba);
     since(c, report, SV_STAGE_COMPOSITE, t);

@@ -16,6 +16,7 @@
 
 #include "core/cell/cache.h"
 #include "core/view/bands.h"
+#include "core/view/cells_shadow.h"
 #include "core/view/direct.h"
 #include "core/view/panels.h"
 #include "core/view/picture.h"
@@ -43,7 +44,8 @@ struct sv_cells_report {
     uint64_t holes_left;       /* ... and after */
     uint32_t left;             /* panels that are missing still (sv_cells_build) */
     int level;                 /* rings of panels that were used, outermost first (core/cell/admit.h) */
-    bool ground_direct;        /* the ground was drawn directly */
+    bool ground_direct;        /* the ground was drawn directly, */
+    bool shadows_left;         /* in shadows of which some could be refined */
     double ms[SV_STAGE_COUNT]; /* cell, warp, near, composite; negative: did not run */
 };
 
@@ -85,5 +87,12 @@ enum { SV_CELLS_PANELS_MAX = (SV_CELL_RINGS_MAX + 1) * SV_CELL_FACES };
 SV_MUST_CHECK enum sv_status sv_cells_wanted(struct sv_cells *cells, const struct sv_resolved_view *view,
                                              struct sv_cells_panel panels[SV_CELLS_PANELS_MAX], int *count,
                                              struct sv_error *error);
+
+/* The pages of shadow that it wants refined, and which they are (core/view/cells_shadow.h): none where the ground is
+ * drawn from panels or nothing throws shadows. */
+SV_MUST_CHECK enum sv_status sv_cells_wanted_shadows(struct sv_cells *cells, const struct sv_resolved_view *view,
+                                                     struct sv_cells_shadow *shadow,
+                                                     struct sv_shadow_wish wishes[SV_CELLS_SHADOWS_MAX],
+                                                     size_t *count, struct sv_error *error);
 
 #endif

@@ -3,8 +3,10 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/cell/panel.h"
+#include "core/terrain/shadow_page.h"
 
 /* Lights that are kept at a time, and pieces of a sweep at most. */
 enum { LIGHTS = 8, PIECES_MAX = 512 };
@@ -212,8 +214,27 @@ static bool shows_on_ground(const struct sv_cells_change *c, const struct sweep 
     return false;
 }
 
+/* Pages of shadow are read nowhere but on the ground, where their own rule holds. */
+static bool shows_on_shadow(const struct sv_cells_change *c, const struct sv_cell_cache_label *label)
+{
+    const struct sv_cell_place *at = &label->parts.place;
+    bool trees = label->light.texel_m > 0 && c->change->trees_added + c->change->trees_removed > 0;
+    if (!trees && c->change->objects_added + c->change->objects_removed == 0)
+        return false;
+    for (uint32_t k = 0; k < c->change->box_count; k++) {
+        struct sv_shadow_box box;
+        memcpy(box.min, c->change->boxes[k].min, sizeof box.min);
+        memcpy(box.max, c->change->boxes[k].max, sizeof box.max);
+        if (sv_shadow_page_meets(&c->scene->terrain.field, label->light.to_sun, &box, at->k, at->i, at->j))
+            return true;
+    }
+    return false;
+}
+
 bool sv_cells_change_shows(struct sv_cells_change *change, const struct sv_cell_cache_label *label, bool refined)
 {
+    if (label->parts.layer == SV_PANEL_SHADOW)
+        return shows_on_shadow(change, label);
     const struct sweep *sweep = NULL;
     if (label->light.to_sun.z > 0) {
         sweep = sweep_under(change, label->light.to_sun);

@@ -3,6 +3,8 @@
 
 #include <stdlib.h>
 
+#include "core/base/hash.h"
+#include "core/view/cells_shadow.h"
 #include "core/view/panels_refine.h"
 
 struct sv_cells_refiner {
@@ -15,6 +17,14 @@ struct sv_cells_refiner {
     uint64_t key, version; /* of the panel; of the scene then */
     double spent_ms;
     struct sv_cell_cache_panel pin;
+    /* Pages of shadow: what a view wanted, and the one that is begun. */
+    struct sv_cells_shadow shadow;
+    struct sv_shadow_wish wishes[SV_CELLS_SHADOWS_MAX];
+    size_t wish_count;
+    uint64_t wishes_key; /* of the view and the scene; 0: of none */
+    struct sv_cells_shadow_work work;
+    uint64_t work_version; /* of the scene then */
+    double work_ms;
 };
 
 enum sv_status sv_cells_refiner_create(const struct sv_scene *scene, const struct sv_truth *truth,
@@ -36,10 +46,22 @@ static void end(struct sv_cells_refiner *r)
     r->refinement = NULL;
 }
 
+static double now(const struct sv_cells_refiner *r)
+{
+    return r->options.clock_ms ? r->options.clock_ms() : 0;
+}
+
+static void end_page(struct sv_cells_refiner *r)
+{
+    sv_cells_shadow_work_end(&r->work, r->work_ms * 1e-3, now(r) * 1e-3);
+}
+
 void sv_cells_refiner_drop(struct sv_cells_refiner *refiner)
 {
     if (refiner->refinement)
         end(refiner);
+    end_page(refiner);
+    refiner->wishes_key = 0;
 }
 
 void sv_cells_refiner_destroy(struct sv_cells_refiner *refiner)
@@ -48,11 +70,6 @@ void sv_cells_refiner_destroy(struct sv_cells_refiner *refiner)
         return;
     sv_cells_refiner_drop(refiner);
     free(refiner);
-}
-
-static double now(const struct sv_cells_refiner *r)
-{
-    return r->options.clock_ms ? r->options.clock_ms() : 0;
 }
 
 /* Whether the panel is there and could be better; its size as it is built. */
@@ -119,6 +136,91 @@ static bool go_on(struct sv_cells_refiner *r, const struct sv_cells_refine_optio
     return true;
 }
 
+/* ---- pages of shadow ---- */
+
+/* All that tells which pages a view wants. */
+static uint64_t key_of(const struct sv_cells_refiner *r, const struct sv_resolved_view *view)
+{
+    const struct sv_camera *c = &view->camera;
+    const struct sv_vec3 vectors[] = {c->eye, c->right, c->up, c->forward};
+    uint64_t h = sv_hash_u64(SV_HASH_INIT, r->scene->version);
+    for (int k = 0; k < 4; k++)
+        h = sv_hash_double(sv_hash_double(sv_hash_double(h, vectors[k].x), vectors[k].y), vectors[k].z);
+    h = sv_hash_double(sv_hash_double(h, c->vfov_rad), view->plan.terrain_error_px);
+    h = sv_hash_u64(sv_hash_u64(h, (uint64_t)c->width), (uint64_t)c->height);
+    h = sv_hash_double(sv_hash_double(h, view->sun.azimuth_rad), view->sun.elevation_rad);
+    h = sv_hash_done(sv_hash_u64(h, (uint64_t)view->plan.shadows | (uint64_t)view->plan.draw_trees << 1));
+    return h ? h : 1;
+}
+
+/* What the view wants; found once while the same view is refined page by page. */
+static enum sv_status want_pages(struct sv_cells_refiner *r, const struct sv_resolved_view *view,
+                                 struct sv_error *error)
+{
+    uint64_t key = key_of(r, view);
+    enum sv_status status = SV_OK;
+    if (key != r->wishes_key)
+        status = sv_cells_wanted_shadows(r->cells, view, &r->shadow, r->wishes, &r->wish_count, error);
+    r->wishes_key = status ? 0 : key;
+    r->shadow.now_s = now(r) * 1e-3;
+    r->shadow.slot = r->options.slot;
+    return status;
+}
+
+static bool is_wanted(const struct sv_cells_refiner *r)
+{
+    for (size_t k = 0; k < r->wish_count; k++) {
+        const struct sv_shadow_wish *w = &r->wishes[k];
+        if (sv_cells_shadow_label(&r->shadow, w->level, w->i, w->j).key == r->work.key)
+            return true;
+    }
+    return false;
+}
+
+/* Goes on with the page that is begun; false: stopped. */
+static bool cast_page(struct sv_cells_refiner *r, const struct sv_cells_refine_options *options)
+{
+    double since = now(r);
+    bool more;
+    while ((more = sv_cells_shadow_work_row(&r->work, r->truth)))
+        if (options->stop && options->stop(options->context))
+            break;
+    r->work_ms += now(r) - since;
+    if (more)
+        return false;
+    end_page(r);
+    return true;
+}
+
+/* False: stopped. */
+static bool refine_pages(struct sv_cells_refiner *r, const struct sv_cells_refine_options *options,
+                         struct sv_cells_refine_report *report)
+{
+    bool going = true;
+    if (r->work.begun && (r->work_version != r->scene->version || !is_wanted(r)))
+        end_page(r);
+    if (r->work.begun) {
+        going = cast_page(r, options);
+        report->shadows += going;
+    }
+    for (size_t k = 0; k < r->wish_count; k++) {
+        if (sv_cells_shadow_there(&r->shadow, &r->wishes[k]))
+            continue;
+        going = going && report->shadows < options->most;
+        if (going && sv_cells_shadow_work_begin(&r->work, &r->shadow, &r->wishes[k], options->samples)) {
+            r->work_version = r->scene->version;
+            r->work_ms = 0;
+            going = cast_page(r, options);
+            report->shadows += going;
+        }
+        report->left += !going;
+    }
+    report->refined += report->shadows;
+    return going;
+}
+
+/* ---- both ---- */
+
 static bool has_key(const struct sv_cells_panel *panels, int count, uint64_t key)
 {
     for (int k = 0; k < count; k++)
@@ -134,14 +236,17 @@ enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner, const struct sv
     struct sv_cells_refiner *r = refiner;
     struct sv_cells_panel panels[SV_CELLS_PANELS_MAX];
     int count, size;
-    bool going = true;
     enum sv_status status = sv_cells_wanted(r->cells, view, panels, &count, error);
+    if (!status)
+        status = want_pages(r, view, error);
     if (status)
         return status;
     *report = (struct sv_cells_refine_report){0};
+    count = options->shadows_alone ? 0 : count;
+    bool going = refine_pages(r, options, report) && report->refined < options->most;
     if (r->refinement && (r->version != r->scene->version || !has_key(panels, count, r->key)))
         end(r);
-    if (r->refinement) {
+    if (r->refinement && going) {
         going = go_on(r, options);
         report->refined += going;
     }

@@ -303,7 +303,7 @@ static enum sv_status make_keys(const struct sv_cells_take *t, struct sv_cells_f
 }
 
 /* Where the eye is among cells, and what all of its picture sees. */
-static enum sv_status look_around(struct sv_cells_take *t, struct sv_cells_frame *f, struct sv_error *error)
+enum sv_status sv_cells_take_look(struct sv_cells_take *t, struct sv_cells_frame *f, struct sv_error *error)
 {
     const struct sv_resolved_view *view = f->view;
     f->size = view->plan.relief_resolution;
@@ -311,16 +311,24 @@ static enum sv_status look_around(struct sv_cells_take *t, struct sv_cells_frame
         return sv_fail(error, SV_EINVAL, "relief_distance", "there are no cells of that distance here");
     f->first = f->at.crowns_first;
     f->ground_ring = sv_panels_free_ring(t->panels, &f->at.rings, f->at.chain);
+    f->low = f->ground_ring < 0;
     enum sv_status status = make_keys(t, f, error);
     if (status)
         return status;
+    f->shadow = (struct sv_cells_shadow){.cache = t->options.cache,
+                                         .slot = t->options.slot,
+                                         .generation = t->scene->generation,
+                                         .now_s = now(t) * 1e-3,
+                                         .field = &t->scene->terrain.field,
+                                         .light = f->light,
+                                         .scene_key = f->scene_key};
     sv_camera_planes(&view->camera, f->planes);
     return SV_OK;
 }
 
 enum sv_status sv_cells_take_panels(struct sv_cells_take *t, struct sv_cells_frame *f, struct sv_error *error)
 {
-    enum sv_status status = look_around(t, f, error);
+    enum sv_status status = sv_cells_take_look(t, f, error);
     if (status)
         return status;
     f->report->id = key_of_ring(f, f->at.crowns_first);
@@ -333,7 +341,7 @@ enum sv_status sv_cells_take_list(struct sv_cells_take *t, struct sv_cells_frame
                                   struct sv_cells_panel panels[SV_CELLS_PANELS_MAX], int *count,
                                   struct sv_error *error)
 {
-    enum sv_status status = look_around(t, f, error);
+    enum sv_status status = sv_cells_take_look(t, f, error);
     if (status)
         return status;
     want_all(t, f);

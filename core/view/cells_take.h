@@ -4,6 +4,7 @@
 #define SV_VIEW_CELLS_TAKE_H
 
 #include "core/view/cells.h"
+#include "core/view/cells_shadow.h"
 #include "core/view/rings.h"
 
 enum sv_held {
@@ -48,6 +49,8 @@ struct sv_cells_frame {
     struct sv_view_rings at;
     int first; /* innermost ring of crowns that is drawn from panels; what is nearer is drawn directly */
     int ground_ring; /* -1: drawn directly */
+    bool low;        /* the eye is so close to the ground that it always is */
+    struct sv_cells_shadow shadow;
     int size;
     struct sv_cell_light light;
     uint64_t light_key, scene_key;
@@ -59,6 +62,9 @@ struct sv_cells_frame {
  * distance. Whatever it returns, sv_cells_take_release follows. */
 SV_MUST_CHECK enum sv_status sv_cells_take_panels(struct sv_cells_take *take, struct sv_cells_frame *frame,
                                                   struct sv_error *error);
+/* The first part of it: where the eye is, what it sees, and keys. SV_EINVAL as above. */
+SV_MUST_CHECK enum sv_status sv_cells_take_look(struct sv_cells_take *take, struct sv_cells_frame *frame,
+                                                struct sv_error *error);
 /* Puts the panels back. */
 void sv_cells_take_release(struct sv_cells_take *take);
 /* The panels that the whole of a frame is drawn from, there or not, near ones first; none is held. */

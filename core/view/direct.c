@@ -116,7 +116,8 @@ static enum sv_status use_shadows(struct sv_direct *r, struct sv_vec3 to_sun, bo
     enum sv_status status = want_sun(r, to_sun, &sun, error);
     if (status)
         return status;
-    struct sv_shadow_scene scene = {.field = &r->scene->terrain.field, .terrain = &sun->terrain};
+    struct sv_shadow_scene scene = {
+        .field = &r->scene->terrain.field, .terrain = &sun->terrain, .refined = r->refined};
     trees = trees && r->shade;
     scene.key = sv_direct_shadow_key(to_sun, trees);
     if (trees) {
@@ -132,6 +133,16 @@ static enum sv_status use_shadows(struct sv_direct *r, struct sv_vec3 to_sun, bo
     }
     sv_shadow_pages_use(r->pages, &scene);
     return SV_OK;
+}
+
+void sv_direct_use_refined(struct sv_direct *direct, const struct sv_shadow_source *source)
+{
+    direct->refined = source ? *source : (struct sv_shadow_source){0};
+}
+
+struct sv_shadow_pages *sv_direct_pages(struct sv_direct *direct)
+{
+    return direct->pages;
 }
 
 /* *shadows: there are any. */

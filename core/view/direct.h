@@ -62,6 +62,12 @@ SV_MUST_CHECK enum sv_status sv_direct_sees_trees(struct sv_direct *direct,
 SV_MUST_CHECK enum sv_status sv_direct_light(struct sv_direct *direct, const struct sv_resolved_view *view,
                                              struct sv_cell_light *light, struct sv_error *error);
 
+/* Refined pages of shadow (core/terrain/shadow_page.h) for what is drawn from now on; NULL: none. Copied. */
+struct sv_shadow_source;
+void sv_direct_use_refined(struct sv_direct *direct, const struct sv_shadow_source *source);
+/* Borrowed: for who asks what was wanted of them. */
+struct sv_shadow_pages *sv_direct_pages(struct sv_direct *direct);
+
 /* The ground and the sky as they are seen at each pixel of the view's camera, from the ground's window depth
  * alone (0: sky, where `sky` is true); hidden pixels (not 0; NULL: none) are left as they are. rgba: sRGB.
  * All planes hold rows row_first .. row_first + row_count - 1 (at least one). */

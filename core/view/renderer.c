@@ -300,6 +300,7 @@ static enum sv_status draw_cells(struct sv_renderer *r, const struct sv_view_req
     stats->cell.hits = report.hits;
     stats->cell.built = report.built;
     stats->cell.refined = report.refined;
+    stats->cell.shadows_left = report.shadows_left;
     *took = (struct sv_draw_took){report.level, now(r) - since - fmax(report.ms[SV_STAGE_CELL], 0)};
     r->report = report;
     add_stages(report.ms, timings);

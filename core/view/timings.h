@@ -48,13 +48,14 @@ struct sv_cell_use {
     uint32_t hits;    /* panels that were there, */
     uint32_t refined; /* of these refined ones, or such as show nothing, */
     uint32_t built;   /* and those that were built for it */
-    uint64_t id;      /* of the cell; 0 with none */
+    uint32_t shadows_left; /* 1: shadows on the ground could be refined */
+    uint64_t id;           /* of the cell; 0 with none */
 };
 
-/* Whether all panels were refined ones. */
+/* Whether all panels were refined ones, and the shadows on the ground. */
 static inline bool sv_cell_use_refined(const struct sv_cell_use *use)
 {
-    return use->built == 0 && use->refined == use->hits;
+    return use->built == 0 && use->refined == use->hits && use->shadows_left == 0;
 }
 
 /* What drawing took, without the building of panels, and from what level of cells (core/cell/admit.h); level negative:

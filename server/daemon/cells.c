@@ -43,6 +43,7 @@ static char *list(const struct sv_service *service, size_t *bytes)
         count = count < room ? count : room;
     }
     facts.cell_count = count > 0 ? sv_cell_listing(items, count, cells) : 0;
+    facts.shadows = sv_cell_listing_shadows(items, items ? count : 0);
     facts.cells = cells;
     facts.items = items;
     char *text = cache && (!items || !cells) ? NULL : sv_api_cells_doc(&facts, bytes);

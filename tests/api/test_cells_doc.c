@@ -64,14 +64,16 @@ static void document(void **state)
         .cells = &cell,
         .cell_count = 1,
         .items = items,
-        .stats = {.budget_bytes = 1 << 20, .used_bytes = 12288, .panels = 1, .building = 1, .evictions = 9},
+        .stats = {.budget_bytes = 1 << 20, .used_bytes = 12288, .panels = 8, .building = 1, .evictions = 9},
+        .shadows = 7,
         .ahead = 3,
         .refine = 2};
     size_t bytes;
     char *printed = sv_api_cells_doc(&facts, &bytes);
     cJSON *root = parsed(printed, bytes);
     assert_true(number(root, "budget_bytes") == 1 << 20 && number(root, "used_bytes") == 12288);
-    assert_true(number(root, "panels") == 1 && number(root, "building") == 1 &&
+    assert_true(number(root, "panels") == 1 && number(root, "shadow_pages") == 7);
+    assert_true(number(root, "building") == 1 &&
                 number(root, "evictions") == 9);
     assert_true(number(root, "jobs_ahead") == 3 && number(root, "jobs_refine") == 2);
     const cJSON *c = cJSON_GetArrayItem(at(root, "cells"), 0);

@@ -185,11 +185,12 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
 }
 
 uint32_t forest_refine(const struct forest *forest, const struct sv_view_request *request, int samples, int scale,
-                       double *cpu_ms)
+                       bool shadows_alone, double *cpu_ms)
 {
     struct sv_error error = {0};
     struct sv_resolved_view view;
-    struct sv_cells_refine_options options = {.samples = samples, .scale = scale, .most = UINT32_MAX};
+    struct sv_cells_refine_options options = {
+        .samples = samples, .scale = scale, .shadows_alone = shadows_alone, .most = UINT32_MAX};
     struct sv_cells_refine_report report;
     double cpu_since = clock_ms(CLOCK_PROCESS_CPUTIME_ID);
     resolve(forest, request, &view);

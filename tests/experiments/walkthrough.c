@@ -4,7 +4,7 @@
  *   walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] [--forms
  * on,auto,paper,off,raycast,four]
  *               [--size WxH] [--truth STRIDE] [--workers 1|2] [--refine SAMPLES[xSCALE]] [--panel TEXELS]
- *               [--quality fast|balanced|high] [--warm] [--still] [--apart] [--parts] [-o FOLDER]
+ *               [--quality fast|balanced|high] [--warm] [--still] [--apart] [--parts] [--shadows] [-o FOLDER]
  *
  * Paths: walk_path.h. Where the eye turns, how much a worker's frame differs from its next one taken back is
  * told (walk_turn.h). --warm: the path is gone along once before it is measured, by the process that workers
@@ -12,7 +12,8 @@
  * makes nothing that a process makes once, its heap included. --still: the first pose again and again.
  * --apart: the path is gone along form by form, as clients would, so that no frame finds what another form's
  * has left of the processor's caches; else each pose is drawn in all forms, which compares them best.
- * --refine: all panels of a pose are drawn again from the ray-cast truth before it is measured. four: the ray
+ * --refine: all panels of a pose and the shadows on its ground are drawn again from the ray-cast truth before it
+ * is measured; with --shadows the shadows alone. four: the ray
  * cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the
  * same by parts of the picture (walk_parts.h).
  *
@@ -54,7 +55,7 @@ struct setup {
     int refine_samples, refine_scale; /* 0: panels stay as built */
     int panel;                        /* texels a side; 0: the scene's */
     enum sv_quality quality;
-    bool forms[FORMS], warm, still, parts, apart;
+    bool forms[FORMS], warm, still, parts, apart, shadows_alone;
     const char *folder;
 };
 
@@ -85,8 +86,9 @@ static void refine(const struct forest *forest, const struct setup *setup, struc
     double ms;
     forest_draw(forest, request, &picture, NULL, NULL, NULL);
     sv_picture_finish(&picture);
-    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale, &ms);
-    printf("refined %u panels in %.1f s\n", count, ms * 1e-3);
+    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale,
+                                   setup->shadows_alone, &ms);
+    printf("refined %u panels and pages of shadow in %.1f s\n", count, ms * 1e-3);
 }
 
 /* One frame in one form; workers write them into memory that all share. */
@@ -611,6 +613,8 @@ int main(int argc, char **argv)
             setup.parts = true;
         else if (strcmp(argv[k], "--apart") == 0)
             setup.apart = true;
+        else if (strcmp(argv[k], "--shadows") == 0)
+            setup.shadows_alone = true;
         else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
             k++;
     }
@@ -619,7 +623,7 @@ int main(int argc, char **argv)
                 "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] "
                 "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
                 "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--quality fast|balanced|high] [--warm] [--still] "
-                "[--apart] [--parts] [-o FOLDER]\n");
+                "[--apart] [--parts] [--shadows] [-o FOLDER]\n");
         return 2;
     }
     char path[512] = "/dev/null";

@@ -12,6 +12,7 @@
 
 #include "core/base/rng.h"
 #include "core/cell/listing.h"
+#include "core/cell/panel.h"
 
 enum { EYES = 40, FACES = 3, PITCHES = 2 };
 static const double pitches[PITCHES] = {0.05, 0.1};
@@ -102,6 +103,28 @@ static void cells_of_chains(void **state)
     free(cells);
 }
 
+/* Pages of shadow are kept among panels and belong to no cell. */
+static void shadows_are_no_cells(void **state)
+{
+    (void)state;
+    struct sv_cell_cache_item items[7] = {0};
+    struct sv_cell_listed cells[7];
+    for (int k = 0; k < 7; k++) {
+        items[k].label.parts = (struct sv_cell_key_parts){
+            .place = {.i = k / 2}, .layer = k % 2 ? SV_PANEL_CROWNS : SV_PANEL_SHADOW, .size = 128};
+        items[k].label.shell.distance_m = k % 2 ? 10 + k : 0;
+        items[k].bytes = 1;
+        items[k].building = k == 2;
+    }
+    assert_int_equal(sv_cell_listing(items, 7, cells), 3);
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(cells[k].first, k);
+        assert_int_equal(cells[k].count, 1);
+        assert_int_equal(items[k].label.parts.layer, SV_PANEL_CROWNS);
+    }
+    assert_int_equal(sv_cell_listing_shadows(items, 7), 3); /* one of the four is being cast */
+}
+
 static void none_and_wild(void **state)
 {
     (void)state;
@@ -119,6 +142,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cells_of_chains),
+        cmocka_unit_test(shadows_are_no_cells),
         cmocka_unit_test(none_and_wild),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

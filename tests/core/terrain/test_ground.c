@@ -410,6 +410,140 @@ static void simd_is_plain(void **state)
     sv_shadow_height_finish(&sun_map);
 }
 
+/* A source that has about half of all pages, of noise. */
+static uint64_t some_pages(void *context, int level, int i, int j, uint64_t have, uint8_t *light)
+{
+    (void)context;
+    (void)have;
+    uint64_t h = sv_mix64((uint64_t)(uint32_t)i << 32 ^ (uint64_t)(uint32_t)j ^ sv_mix64((uint64_t)(level + 99)));
+    struct sv_rng rng = sv_rng_seeded(h, 2);
+    if (h % 2)
+        return 0;
+    for (int k = 0; k < SV_SHADOW_PAGE_SIDE * SV_SHADOW_PAGE_SIDE; k++)
+        light[k] = (uint8_t)sv_rng_next(&rng);
+    return h;
+}
+
+/* With a source in use, too; and the source changes what it should and nothing else. */
+static void simd_is_plain_of_refined_pages(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(47, 1);
+    if (sv_simd_level() < SV_SIMD_AVX2)
+        skip();
+    static uint8_t plain[W * H * 4], built[W * H * 4];
+    static struct picture p;
+    struct sv_error error;
+    struct sv_vec3 to_sun = sv_normalize(sv_vec3(0.5, 0.4, 0.3));
+    if (sv_shadow_height_make(&sun_map, &terrain.field, to_sun, &error))
+        fail_msg("%s", error.message);
+    struct sv_shadow_pages *pages, *others;
+    if (sv_shadow_pages_create(&pages, &error) || sv_shadow_pages_create(&others, &error))
+        fail_msg("%s", error.message);
+    struct sv_shadow_scene scene = {.field = &terrain.field, .terrain = &sun_map, .key = 1}, refined = scene;
+    refined.refined = (struct sv_shadow_source){some_pages, NULL, 1};
+    sv_shadow_pages_use(others, &scene);
+    int changed = 0;
+    for (int pose = 0; pose < 60; pose++) {
+        make_picture(&p, &rng, pose % 5 == 4, exp(sv_rng_range(&rng, log(0.002), log(30))), 50);
+        p.light.to_sun = to_sun;
+        p.view.shadows = pages;
+        sv_shadow_pages_use(pages, &refined);
+        sv_ground_shade_by(ground, &p.view, sv_ground_row_plain, plain);
+        sv_ground_shade_by(ground, &p.view, sv_ground_row_avx2, p.rgba);
+        for (int k = 0; k < W * H * 4; k++)
+            if (plain[k] != p.rgba[k])
+                fail_msg("pose %d, byte %d: plain %d, AVX2 %d", pose, k, plain[k], p.rgba[k]);
+        sv_shadow_pages_use(pages, &scene);
+        sv_ground_shade(ground, &p.view, built);
+        p.view.shadows = others; /* that never had a source */
+        sv_ground_shade(ground, &p.view, p.rgba);
+        assert_memory_equal(built, p.rgba, sizeof built);
+        changed += memcmp(plain, built, sizeof built) != 0;
+    }
+    assert_true(changed > 40);
+    sv_shadow_pages_destroy(pages);
+    sv_shadow_pages_destroy(others);
+    sv_shadow_height_finish(&sun_map);
+}
+
+/* A source of one level's pages, of a triangle wave along x and y: look-ups give it back at the pixel's middle, on
+ * whatever page that is, also where finer pages are wished for. A texel is a twelfth of the light, so that a seam at a
+ * page's border would show. */
+static int wave_level;
+static double wave(double texels)
+{
+    return fabs(fmod(texels + 24e6, 24) - 12) / 12;
+}
+static double wave_at(double x, double y, double texel_m)
+{
+    return 0.5 * wave((x - terrain.field.x0) / texel_m) + 0.5 * wave((y - terrain.field.y0) / texel_m);
+}
+static uint64_t wave_pages(void *context, int level, int i, int j, uint64_t have, uint8_t *light)
+{
+    enum { SIDE = SV_SHADOW_PAGE_SIDE };
+    (void)context;
+    (void)have;
+    struct sv_shadow_place at = sv_shadow_page_place(&terrain.field, level, i, j);
+    for (int k = 0; k < SIDE * SIDE; k++)
+        light[k] = (uint8_t)lrint(255 * wave_at(at.x0 + (k % SIDE + 0.5) * at.texel_m,
+                                                at.y0 + (k / SIDE + 0.5) * at.texel_m, at.texel_m));
+    return level == wave_level;
+}
+
+static void refined_pages_have_no_seams(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(49, 1);
+    static struct picture p;
+    static uint8_t lit[W * H * 4];
+    struct sv_error error;
+    struct sv_shadow_pages *pages;
+    long compared = 0, borders = 0;
+    if (sv_shadow_pages_create(&pages, &error))
+        fail_msg("%s", error.message);
+    for (int pose = 0; pose < 240; pose++) {
+        wave_level = pose % (SV_SHADOW_PAGE_FINER + 1) - SV_SHADOW_PAGE_FINER;
+        double texel_m = ldexp(SV_SHADOW_PAGE_TEXEL_M, wave_level);
+        struct sv_shadow_scene scene = {.field = &terrain.field,
+                                        .casters = {{mark, NULL}},
+                                        .key = 1,
+                                        .refined = {wave_pages, NULL, (uint64_t)pose + 1}};
+        sv_shadow_pages_use(pages, &scene);
+        make_picture(&p, &rng, pose % 7 == 4, texel_m * sv_rng_range(&rng, 0.02, 0.15), 3);
+        p.light.air = false;
+        p.light.to_sun = sv_vec3(0, 0, 1);
+        for (int c = 0; c < 3; c++) {
+            p.light.sun_rgb[c] = 1;
+            p.light.sky_rgb[c] = p.light.ground_rgb[c] = 0;
+        }
+        sv_ground_shade(ground, &p.view, lit);
+        p.view.shadows = pages;
+        sv_ground_shade(ground, &p.view, p.rgba);
+        for (int k = 0; k < W * H; k++) {
+            float full = sv_linear_from_srgb8[lit[4 * k + 1]], part = sv_linear_from_srgb8[p.rgba[4 * k + 1]];
+            if (p.depth[k] == 0 || full < 0.1f || full > 0.45f) /* where the tone curve is straight */
+                continue;
+            struct place at = place_of(&p, k);
+            float albedo[3];
+            struct sv_vec3 n;
+            sv_terrain_shade(&terrain, at.world.x, at.world.y, at.pixel_m, at.to_viewer, albedo, &n);
+            if (sv_dot(n, at.to_viewer) < 0.3)
+                continue; /* seen so flat that the pixel is longer than a texel */
+            double want = wave_at(at.world.x, at.world.y, texel_m);
+            double column = fmod((at.world.x - terrain.field.x0) / texel_m, SV_SHADOW_PAGE_STEP);
+            borders += column < 1 || column > SV_SHADOW_PAGE_STEP - 1;
+            compared++;
+            if (fabs((double)(part / full) - want) > 0.06)
+                fail_msg("level %d, pose %d, pixel %d: light %.3f, not %.3f", wave_level, pose, k,
+                         (double)(part / full), want);
+        }
+    }
+    print_message("%ld pixels, %ld at a page's border\n", compared, borders);
+    assert_true(compared > 10000 && borders > 200);
+    sv_shadow_pages_destroy(pages);
+}
+
 /* Depths that no drawing gives leave a picture of some colours, and nothing else is touched. */
 static void hostile_depths(void **state)
 {
@@ -457,6 +591,8 @@ int main(void)
         cmocka_unit_test(pages_are_as_fine_as_the_rule),
         cmocka_unit_test(what_is_not_seen_is_not_cast),
         cmocka_unit_test(simd_is_plain),
+        cmocka_unit_test(simd_is_plain_of_refined_pages),
+        cmocka_unit_test(refined_pages_have_no_seams),
         cmocka_unit_test(hostile_depths),
         cmocka_unit_test(terrains_without_colours_are_refused),
     };

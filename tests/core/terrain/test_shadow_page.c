@@ -277,6 +277,224 @@ static void whole_levels_of_a_low_sun(void **state)
     sv_shadow_height_finish(&low);
 }
 
+/* ---- refined pages ---- */
+
+/* A source that has some pages: those of its table, each of one grey. */
+static struct had {
+    int level, i, j;
+    uint64_t number;
+    uint8_t grey;
+} had[64];
+static int had_count, reads, written;
+
+static uint64_t read_page(void *context, int level, int i, int j, uint64_t have, uint8_t *light)
+{
+    assert_ptr_equal(context, had);
+    reads++;
+    for (int k = 0; k < had_count; k++)
+        if (had[k].level == level && had[k].i == i && had[k].j == j) {
+            if (had[k].number != have) {
+                memset(light, had[k].grey, SIDE * SIDE);
+                written++;
+            }
+            return had[k].number;
+        }
+    return 0;
+}
+
+static struct sv_shadow_scene refined_scene(uint64_t version)
+{
+    struct sv_shadow_scene s = scene(1);
+    s.refined = (struct sv_shadow_source){read_page, had, version};
+    return s;
+}
+
+static int grey_of(const struct sv_shadow_pages *pages, uint32_t at)
+{
+    return sv_shadow_pages_light(pages)[at + SIDE * SIDE / 2];
+}
+
+/* Of all sets of pages that a source may have of one column of levels: the finest that it has of the wanted level or
+ * above is taken, or what is built, by the definition. */
+static void the_finest_there_is(void **state)
+{
+    (void)state;
+    enum { TOP = 3 };
+    const int fi = 5 * 16 + 3, fj = -7 * 16 + 9; /* page of the finest level */
+    struct sv_shadow_pages *pages = make_pages(1);
+    for (unsigned set = 0; set < 1u << (SV_SHADOW_PAGE_FINER + TOP); set++) {
+        had_count = 0;
+        for (int level = -SV_SHADOW_PAGE_FINER, bit = 0; level < TOP; level++, bit++)
+            if (set >> bit & 1)
+                had[had_count++] = (struct had){level, fi >> bit, fj >> bit, 100 + set, (uint8_t)(10 + bit)};
+        struct sv_shadow_scene s = refined_scene(set + 1);
+        sv_shadow_pages_use(pages, &s);
+        for (int level = -SV_SHADOW_PAGE_FINER, bit = 0; level < TOP; level++, bit++) {
+            int want = level, found = 99;
+            while (want < 0 && !(set >> (want + SV_SHADOW_PAGE_FINER) & 1))
+                want++;
+            bool refined = set >> (want + SV_SHADOW_PAGE_FINER) & 1;
+            uint64_t lacking = sv_shadow_pages_lacking(pages), filled = sv_shadow_pages_filled(pages);
+            uint32_t at = sv_shadow_pages_want_refined(pages, level, fi >> bit, fj >> bit, &found);
+            int up = found - level;
+            assert_int_equal(found, want);
+            assert_int_equal(sv_shadow_pages_lacking(pages) - lacking, !(set >> bit & 1));
+            if (refined) {
+                assert_int_equal(grey_of(pages, at), 10 + found + SV_SHADOW_PAGE_FINER);
+                assert_int_equal(sv_shadow_pages_filled(pages), filled);
+            } else {
+                assert_int_equal(at, sv_shadow_pages_want(pages, found, fi >> (bit + up), fj >> (bit + up)));
+            }
+        }
+    }
+    sv_shadow_pages_destroy(pages);
+}
+
+/* What the source says is asked for once a version; what it has no longer, or has anew, is followed; who uses no
+ * source never sees it. */
+static void follows_its_source(void **state)
+{
+    (void)state;
+    static uint8_t built[SIDE * SIDE];
+    struct sv_shadow_pages *pages = make_pages(1);
+    struct sv_shadow_scene plain = scene(1), s = refined_scene(1);
+    int found;
+    memcpy(built, sv_shadow_pages_light(pages) + sv_shadow_pages_want(pages, 0, 1, 1), sizeof built);
+    assert_false(sv_shadow_pages_refines(pages));
+    sv_shadow_pages_use(pages, &s);
+    assert_true(sv_shadow_pages_refines(pages));
+    had_count = reads = written = 0;
+    for (int k = 0; k < 3; k++) {
+        uint32_t at = sv_shadow_pages_want_refined(pages, -1, 2, 2, &found);
+        assert_memory_equal(built, sv_shadow_pages_light(pages) + at, sizeof built);
+        assert_int_equal(reads, 2); /* of two levels */
+    }
+    had[had_count++] = (struct had){-1, 2, 2, 8, 77};
+    (void)sv_shadow_pages_want_refined(pages, -1, 2, 2, &found);
+    assert_int_equal(found, 0);
+    for (uint64_t version = 2; version < 4; version++) {
+        s = refined_scene(version);
+        sv_shadow_pages_use(pages, &s);
+        for (int k = 0; k < 3; k++) {
+            assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 2, 2, &found)), 77);
+            assert_int_equal(found, -1);
+        }
+        assert_int_equal(reads, 1 + (int)version);
+        assert_int_equal(written, 1);
+    }
+    had[0].number = 9;
+    had[0].grey = 78;
+    s = refined_scene(4);
+    sv_shadow_pages_use(pages, &s);
+    assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 2, 2, &found)), 78);
+    had[0].level = 0;
+    had[0].i = had[0].j = 1;
+    s = refined_scene(5);
+    sv_shadow_pages_use(pages, &s);
+    assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 2, 2, &found)), 78);
+    assert_int_equal(found, 0);
+    sv_shadow_pages_use(pages, &plain);
+    assert_memory_equal(built, sv_shadow_pages_light(pages) + sv_shadow_pages_want(pages, 0, 1, 1), sizeof built);
+    had_count = 0;
+    s = refined_scene(6);
+    sv_shadow_pages_use(pages, &s);
+    uint32_t at = sv_shadow_pages_want_refined(pages, 0, 1, 1, &found);
+    assert_memory_equal(built, sv_shadow_pages_light(pages) + at, sizeof built);
+    sv_shadow_pages_destroy(pages);
+}
+
+/* Pages that come and go by the hundred, refined ones among built ones: what is given back is right, and a page that
+ * was emptied is room again. */
+static void refined_pages_give_way_too(void **state)
+{
+    (void)state;
+    struct sv_shadow_pages *pages = make_pages(1);
+    struct sv_rng rng = sv_rng_seeded(17, 0);
+    for (uint64_t version = 1; version < 400; version++) {
+        had_count = 0;
+        for (int k = 0; k < 64; k++)
+            if (sv_rng_next(&rng) % 2)
+                had[had_count++] = (struct had){-2, k, 3, 1 + version % 3, (uint8_t)(k + 100 * (version % 3 == 1))};
+        struct sv_shadow_scene s = refined_scene(version);
+        s.casters[1].cast = NULL; /* quickly built */
+        s.refined.version = version;
+        sv_shadow_pages_use(pages, &s);
+        for (int n = 0; n < 100; n++) {
+            int i = (int)(sv_rng_next(&rng) % 64), found;
+            uint32_t at = sv_shadow_pages_want_refined(pages, -2, i, 3, &found);
+            bool has = false;
+            for (int k = 0; k < had_count; k++)
+                has |= had[k].i == i;
+            assert_true(has == (found == -2));
+            if (has)
+                assert_int_equal(grey_of(pages, at), i + 100 * (version % 3 == 1));
+            if (n % 4 == 0)
+                sv_shadow_pages_want(pages, 2, (int)(sv_rng_next(&rng) % 6000), 5);
+        }
+    }
+    sv_shadow_pages_destroy(pages);
+}
+
+/* Wishes are noted once each, as many as there is room for. */
+static void wishes_are_noted(void **state)
+{
+    (void)state;
+    struct sv_shadow_pages *pages = make_pages(1);
+    struct sv_shadow_scene s = refined_scene(1);
+    struct sv_shadow_wish list[4];
+    struct sv_shadow_wishes wishes = {.list = list, .room = 4};
+    int found;
+    had[0] = (struct had){-1, 0, 0, 5, 1};
+    had_count = 1;
+    sv_shadow_pages_use(pages, &s);
+    (void)sv_shadow_pages_want_refined(pages, -1, 9, 9, &found);
+    sv_shadow_pages_note(pages, &wishes);
+    for (int k = 0; k < 60; k++)
+        (void)sv_shadow_pages_want_refined(pages, -1, k % 6, 0, &found); /* those that the source has, too */
+    sv_shadow_pages_note(pages, NULL);
+    (void)sv_shadow_pages_want_refined(pages, -1, 0, 0, &found);
+    assert_int_equal(wishes.count, 4);
+    for (int k = 0; k < 4; k++) {
+        assert_int_equal(list[k].level, -1);
+        assert_int_equal(list[k].i, k);
+        assert_int_equal(list[k].count, 10);
+    }
+    sv_shadow_pages_destroy(pages);
+}
+
+/* The rule of what is dropped against points of the box, thrown along the light to heights at which ground is. */
+static void what_a_shadow_falls_on(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(23, 0);
+    int hit = 0, clear = 0;
+    for (int t = 0; t < 3000; t++) {
+        double azimuth = sv_rng_range(&rng, 0, 6.3), elevation = sv_rng_range(&rng, 0.1, 1.5);
+        struct sv_vec3 to_sun =
+            sv_vec3(cos(elevation) * cos(azimuth), cos(elevation) * sin(azimuth), sin(elevation));
+        double x = sv_rng_range(&rng, 0, 200), y = sv_rng_range(&rng, 0, 200), r = sv_rng_range(&rng, 0.1, 4);
+        struct sv_shadow_box box = {{field.x0 + x - r, field.y0 + y - r, 790},
+                                    {field.x0 + x + r, field.y0 + y + r, 800 + sv_rng_range(&rng, 0, 20)}};
+        int level = t % 9 - 4, side = (int)(200 / (ldexp(SV_SHADOW_PAGE_TEXEL_M, level) * STEP)) + 1,
+            i = (int)(sv_rng_next(&rng) % (unsigned)side), j = (int)(sv_rng_next(&rng) % (unsigned)side);
+        struct sv_shadow_place at = sv_shadow_page_place(&field, level, i, j);
+        bool falls = false, said = sv_shadow_page_meets(&field, to_sun, &box, level, i, j);
+        for (int n = 0; n < 300 && !falls; n++) {
+            struct sv_vec3 p = sv_vec3(sv_rng_range(&rng, box.min[0], box.max[0]),
+                                       sv_rng_range(&rng, box.min[1], box.max[1]),
+                                       sv_rng_range(&rng, box.min[2], box.max[2]));
+            double ground = sv_rng_range(&rng, 788, p.z < 812 ? p.z : 812);
+            p = sv_madd(p, to_sun, -(p.z - ground) / to_sun.z);
+            double a = (p.x - at.x0) / at.texel_m, b = (p.y - at.y0) / at.texel_m;
+            falls = ground >= 788 && a >= 0 && b >= 0 && a <= SIDE && b <= SIDE;
+        }
+        assert_true(said || !falls);
+        hit += falls;
+        clear += !said;
+    }
+    assert_true(hit > 200 && clear > 1000);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -287,6 +505,11 @@ int main(void)
         cmocka_unit_test(whole_levels),
         cmocka_unit_test(whole_levels_again),
         cmocka_unit_test(whole_levels_of_a_low_sun),
+        cmocka_unit_test(the_finest_there_is),
+        cmocka_unit_test(follows_its_source),
+        cmocka_unit_test(refined_pages_give_way_too),
+        cmocka_unit_test(wishes_are_noted),
+        cmocka_unit_test(what_a_shadow_falls_on),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

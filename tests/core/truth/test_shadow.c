@@ -14,58 +14,12 @@
 #include "core/base/frames.h"
 #include "core/scene/id.h"
 #include "core/truth/truth.h"
+#include "tests/core/truth/sheet_kit.h"
 #include "tests/core/view/scene_kit.h"
 
 enum { SIDE = 160 };
 
 static const double SPAN_M = 40; /* of the orthographic picture, straight down on the field's centre */
-
-/* A horizontal square, half its size a side in heights, at height 1: two triangles, uv over the texture once.
- */
-static void put_sheet(struct sv_scene *scene, double half, struct sv_tree *tree, bool masked)
-{
-    static struct sv_species species;
-    struct sv_tree_mesh *mesh = &species.mesh;
-    memset(&species, 0, sizeof species);
-    mesh->vertices = sv_arena_alloc(scene->arena, 4, sizeof *mesh->vertices);
-    mesh->indices = sv_arena_alloc(scene->arena, 6, sizeof *mesh->indices);
-    static const uint32_t order[6] = {0, 1, 3, 0, 3, 2};
-    memcpy(mesh->indices, order, sizeof order);
-    for (int k = 0; k < 4; k++)
-        mesh->vertices[k] = (struct sv_tree_vertex){
-            .position = {(float)(k & 1 ? half : -half), (float)(k & 2 ? half : -half), 1},
-            .normal = {0, 0, 32767},
-            .occlusion = 65535,
-            .open = {0, 0, 0, 127},
-            .uv = {(float)(k & 1), (float)(k >> 1)}};
-    mesh->vertex_count = 4;
-    mesh->index_count = 6;
-    mesh->material_count = 1;
-    mesh->radius = (float)(half * 1.5);
-    mesh->materials[0] = (struct sv_tree_material){.base_color = {1, 1, 1, 1},
-                                                   .is_leaf = true,
-                                                   .two_sided = true,
-                                                   .masked = masked,
-                                                   .alpha_cutoff = 0.5f,
-                                                   .index_count = 6};
-    if (masked) { /* west half solid, east half open: 64 texels blur the border by a hundredth of the sheet */
-        struct sv_image *image = &mesh->materials[0].albedo;
-        *image = (struct sv_image){64, 64, 4, SV_PIXEL_U8, sv_arena_alloc(scene->arena, 64 * 64, 4)};
-        for (int k = 0; k < 64 * 64; k++)
-            memset((uint8_t *)image->data + 4 * k, k % 64 < 32 ? 255 : 0, 4);
-    }
-    species.tree_count = 1;
-    scene->species = &species;
-    scene->species_count = 1;
-    const struct sv_crown_bound bound = {mesh->radius, 1, 0};
-    assert_int_equal(sv_forest_build(tree, 1, &bound, scene->arena, &scene->forest, NULL), SV_OK);
-}
-
-static struct sv_scene *flat_scene(void)
-{
-    return kit_scene(&(struct kit_options){
-        .width = 33, .height = 33, .x0 = 600000, .y0 = 4e6, .z0 = 500, .dx = 4, .dy = 4});
-}
 
 /* For each pixel of the map: 1 lit ground, 0 shaded ground, -1 no ground. Lit and shaded differ by far in
  * colour. */
@@ -121,7 +75,7 @@ static void map(const struct sv_scene *scene, double azimuth, double elevation, 
  */
 static void sheet_case(double azimuth_deg, double elevation_deg, double rotation_deg, bool masked)
 {
-    struct sv_scene *scene = flat_scene();
+    struct sv_scene *scene = sheet_kit_flat_scene();
     const double cx = 600064, cy = 4000064, height = 6, half_m = 3;
     struct sv_tree *tree = sv_arena_alloc(scene->arena, 1, sizeof *tree);
     *tree = (struct sv_tree){.x = cx,
@@ -129,7 +83,7 @@ static void sheet_case(double azimuth_deg, double elevation_deg, double rotation
                              .z = kit_surface(&scene->terrain.field, cx, cy),
                              .height_m = (float)height,
                              .rotation_rad = (float)sv_radians(rotation_deg)};
-    put_sheet(scene, half_m / height, tree, masked);
+    sheet_kit_put(scene, half_m / height, tree, masked);
     static int8_t lit[SIDE * SIDE];
     map(scene, sv_radians(azimuth_deg), sv_radians(elevation_deg), cx, cy, SPAN_M, lit);
     struct sv_vec3 sun = sv_direction(sv_radians(azimuth_deg), sv_radians(elevation_deg));
@@ -174,7 +128,7 @@ static void test_mask(void **state)
 static void test_ridge(void **state)
 {
     (void)state;
-    struct sv_scene *scene = flat_scene();
+    struct sv_scene *scene = sheet_kit_flat_scene();
     struct sv_heightfield *f = &scene->terrain.field;
     float *h = sv_arena_alloc(scene->arena, 33 * 33, sizeof *h);
     for (int k = 0; k < 33 * 33; k++)
@@ -206,7 +160,7 @@ static void test_ridge(void **state)
 static void test_low_sun(void **state)
 {
     (void)state;
-    struct sv_scene *scene = flat_scene();
+    struct sv_scene *scene = sheet_kit_flat_scene();
     static int8_t lit[SIDE * SIDE];
     static const double elevations[] = {-30, 0, 0.5, 3, 90};
     for (size_t k = 0; k < sizeof elevations / sizeof *elevations; k++) {

@@ -14,6 +14,7 @@
 #include "core/cell/panel.h"
 #include "core/scene/id.h"
 #include "core/view/cells_change.h"
+#include "core/view/cells_refine.h"
 #include "tests/core/tree/kept_bakes.h"
 #include "tests/core/view/patch_kit.h"
 #include "tests/core/view/scene_kit.h"
@@ -162,28 +163,37 @@ static const struct {
                   {100, 40, 40, 5, -50}};
 
 /* other_sun: not the scene's. */
+static void resolve(const struct sv_scene *scene, int k, bool other_sun, struct sv_view_request *q,
+                    struct sv_resolved_view *view)
+{
+    struct sv_error error;
+    *q = kit_request();
+    q->eye.x = POSES[k].x;
+    q->eye.y = POSES[k].y;
+    q->eye.agl = POSES[k].agl;
+    q->heading_rad = sv_radians(POSES[k].heading_deg);
+    q->pitch_rad = sv_radians(POSES[k].pitch_deg);
+    q->width = q->height = SIDE;
+    q->shadows = true;
+    q->relief = SV_RELIEF_ON;
+    q->relief_distance_m = 12;
+    q->relief_resolution = 64;
+    if (other_sun) {
+        q->has_sun_azimuth = true;
+        q->sun_azimuth_rad = sv_radians(260);
+    }
+    if (sv_view_resolve(scene, q, view, NULL, &error) != SV_OK)
+        fail_msg("view %d: %s: %s", k, error.field, error.message);
+}
+
 static void draw(const struct sv_scene *scene, const struct drawer *d, int k, bool other_sun,
                  struct sv_picture *picture)
 {
-    struct sv_view_request q = kit_request();
+    struct sv_view_request q;
     struct sv_resolved_view view;
     struct sv_error error;
-    q.eye.x = POSES[k].x;
-    q.eye.y = POSES[k].y;
-    q.eye.agl = POSES[k].agl;
-    q.heading_rad = sv_radians(POSES[k].heading_deg);
-    q.pitch_rad = sv_radians(POSES[k].pitch_deg);
-    q.width = q.height = SIDE;
-    q.shadows = true;
-    q.relief = SV_RELIEF_ON;
-    q.relief_distance_m = 12;
-    q.relief_resolution = 64;
-    if (other_sun) {
-        q.has_sun_azimuth = true;
-        q.sun_azimuth_rad = sv_radians(260);
-    }
-    if (sv_view_resolve(scene, &q, &view, NULL, &error) != SV_OK ||
-        sv_renderer_draw(d->renderer, &q, &view, picture, NULL, NULL, &error) != SV_OK)
+    resolve(scene, k, other_sun, &q, &view);
+    if (sv_renderer_draw(d->renderer, &q, &view, picture, NULL, NULL, &error) != SV_OK)
         fail_msg("view %d: %s: %s", k, error.field, error.message);
 }
 
@@ -298,9 +308,107 @@ static void patches_drop_what_they_show_on(void **state)
     sv_scene_destroy(scene);
 }
 
+/* ---- refined shadows ---- */
+
+/* Refines the shadows of the walkers' views. */
+static void refine(const struct sv_scene *scene, const struct drawer *d)
+{
+    for (int k = 0; k < VIEWS; k += 2) {
+        struct sv_view_request q;
+        struct sv_resolved_view view;
+        struct sv_cells_refine_options options = {
+            .samples = 4, .scale = 1, .shadows_alone = true, .most = UINT32_MAX};
+        struct sv_cells_refine_report report;
+        struct sv_error error;
+        resolve(scene, k, false, &q, &view);
+        assert_int_equal(sv_renderer_refine_cells(d->renderer, &q, &view, &options, &report, &error), SV_OK);
+        assert_int_equal(report.left, 0);
+    }
+}
+
+static size_t list_shadows(const struct drawer *d, struct sv_cell_cache_item items[ITEMS])
+{
+    size_t count = list(d, items), shadows = 0;
+    for (size_t k = 0; k < count; k++)
+        if (items[k].label.parts.layer == SV_PANEL_SHADOW)
+            items[shadows++] = items[k];
+    return shadows;
+}
+
+/* As many as `were` pages of shadow, but for those that the change shows on; pictures are those of a process that has
+ * drawn nothing yet and, once all is refined again, those of a cache that was empty. */
+static void check_refined(struct sv_scene *scene, struct drawer *warm, size_t were)
+{
+    static struct sv_cell_cache_item items[ITEMS];
+    size_t stayed = list_shadows(warm, items);
+    print_message("%zu of %zu pages of shadow stayed\n", stayed, were);
+    if (stayed == were || stayed < were / 4)
+        fail_msg("%zu of %zu pages of shadow stayed", stayed, were);
+    struct album a = take(scene, warm);
+    sv_renderer_destroy(warm->renderer);
+    warm->renderer = renderer_of(scene, warm->cache);
+    struct album b = take(scene, warm);
+    assert_int_equal(differing(&a, &b), 0);
+    put_away(&a);
+    put_away(&b);
+    refine(scene, warm);
+    size_t again = list_shadows(warm, items);
+    assert_true(again > stayed);
+    a = take(scene, warm);
+    sv_renderer_destroy(warm->renderer);
+    struct drawer fresh = drawer_of(scene);
+    b = take(scene, &fresh);
+    put_away(&b);
+    refine(scene, &fresh);
+    b = take(scene, &fresh);
+    assert_int_equal(differing(&a, &b), 0);
+    assert_true(same_panels(scene, warm, &fresh) >= stayed);
+    drawer_finish(&fresh);
+    warm->renderer = renderer_of(scene, warm->cache);
+    put_away(&a);
+    put_away(&b);
+}
+
+static void refined_shadows_follow_patches(void **state)
+{
+    (void)state;
+    static struct sv_cell_cache_item items[ITEMS];
+    struct sv_scene *scene = patch_kit_load(PATCH_KIT_TREES, "", "", 135);
+    struct drawer warm = drawer_of(scene);
+    struct album built = take(scene, &warm);
+    refine(scene, &warm);
+    struct album refined = take(scene, &warm);
+    assert_true(differing(&built, &refined) > 0);
+    size_t were = list_shadows(&warm, items);
+    assert_true(were > 20);
+    /* Twice, so that the truth is changed in place and made anew. */
+    struct sv_scene_change c = patch_kit_patch(
+        scene, warm.renderer,
+        "{\"trees\":{\"add\":[{\"x\":112,\"y\":85,\"species\":\"oak\",\"height_m\":5}]}}");
+    check_refined(scene, &warm, were);
+    were = list_shadows(&warm, items);
+    refine(scene, &warm);
+    assert_int_equal(list_shadows(&warm, items), were);
+    patch_kit_patch(scene, warm.renderer, "{\"trees\":{\"remove\":{\"ids\":[%u]}}}",
+                    SV_ID_TREE_FIRST + c.first_tree);
+    check_refined(scene, &warm, were);
+    struct album after = take(scene, &warm);
+    assert_int_equal(differing(&refined, &after), 0);
+    were = list_shadows(&warm, items);
+    patch_kit_patch(scene, warm.renderer,
+                    "{\"objects\":{\"add\":[{\"model\":\"hut.obj\",\"x\":108,\"y\":84,\"height_m\":2}]}}");
+    check_refined(scene, &warm, were);
+    put_away(&built);
+    put_away(&refined);
+    put_away(&after);
+    drawer_finish(&warm);
+    sv_scene_destroy(scene);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(shadows_that_show_are_seen),
-                                       cmocka_unit_test(patches_drop_what_they_show_on)};
+                                       cmocka_unit_test(patches_drop_what_they_show_on),
+                                       cmocka_unit_test(refined_shadows_follow_patches)};
     return cmocka_run_group_tests(tests, patch_kit_setup, patch_kit_teardown);
 }
