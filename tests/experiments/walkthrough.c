@@ -8,14 +8,14 @@
  *
  * Paths: walk_path.h. Where the eye turns, how much a worker's frame differs from its next one taken back is
  * told (walk_turn.h). --warm: the path is gone along once before it is measured, by the process that workers
- * are forked from, and each worker draws some frames: what is measured maps panels that others have built, but
- * makes nothing that a process makes once, its heap included. --still: the first pose again and again.
+ * are forked from, and each worker draws some frames: what is measured maps panels that others have built,
+ * but makes nothing that a process makes once, its heap included. --still: the first pose again and again.
  * --apart: the path is gone along form by form, as clients would, so that no frame finds what another form's
  * has left of the processor's caches; else each pose is drawn in all forms, which compares them best.
- * --refine: all panels of a pose and the shadows on its ground are drawn again from the ray-cast truth before it
- * is measured; with --shadows the shadows alone. four: the ray
- * cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the
- * same by parts of the picture (walk_parts.h).
+ * --refine: all panels of a pose and the shadows on its ground are drawn again from the ray-cast truth before
+ * it is measured; with --shadows the shadows alone. four: the ray cast of four samples. Every STRIDE-th frame
+ * is compared with 64 samples of the ray-cast truth. --parts: the same by parts of the picture
+ * (walk_parts.h).
  *
  * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
  * frame, in all forms one after the other, from the first or, in turn, from the last; frames a second are
@@ -37,27 +37,10 @@
 #include "core/view/warm.h"
 #include "tests/experiments/forest_kit.h"
 #include "tests/experiments/motion_sheet.h"
-#include "tests/experiments/plot.h"
-#include "tests/experiments/walk_parts.h"
-#include "tests/experiments/walk_path.h"
-#include "tests/experiments/walk_turn.h"
+#include "tests/experiments/walkthrough.h"
 
-enum form { ON, AUTO, PAPER, OFF, RAYCAST, RAYCAST4, FORMS };
-static const char *const NAMES[] = {"on", "auto", "paper", "off", "raycast", "four"};
-enum { FRAMES_MAX = 4096, COUNTS_MAX = 16, WORKERS_MAX = 2, WARM_FRAMES = 3, SHEET_COLUMNS = 6 };
-
-struct setup {
-    uint32_t trees; /* of the count at hand */
-    uint32_t counts[COUNTS_MAX];
-    int count_count;
-    enum walk_path path;
-    int frames, width, height, truth_stride, workers;
-    int refine_samples, refine_scale; /* 0: panels stay as built */
-    int panel;                        /* texels a side; 0: the scene's */
-    enum sv_quality quality;
-    bool forms[FORMS], warm, still, parts, apart, shadows_alone;
-    const char *folder;
-};
+struct record (*records)[FRAMES_MAX];
+struct walk_sums (*sums)[FORMS][WALK_PARTS];
 
 static struct sv_view_request pose(const struct forest *forest, const struct setup *setup, int k)
 {
@@ -86,23 +69,10 @@ static void refine(const struct forest *forest, const struct setup *setup, struc
     double ms;
     forest_draw(forest, request, &picture, NULL, NULL, NULL);
     sv_picture_finish(&picture);
-    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale,
-                                   setup->shadows_alone, &ms);
+    uint32_t count =
+        forest_refine(forest, request, setup->refine_samples, setup->refine_scale, setup->shadows_alone, &ms);
     printf("refined %u panels and pages of shadow in %.1f s\n", count, ms * 1e-3);
 }
-
-/* One frame in one form; workers write them into memory that all share. */
-struct record {
-    double ms, cpu_ms, stage_ms[SV_STAGE_COUNT];
-    long faults, preempted; /* times that a page was mapped, that another process was let run instead */
-    double mean_abs, ssim, gradient; /* 0 unless compared */
-    double holes, holes_left;        /* shares of the picture, of the ground's warp */
-    struct sv_cell_use cell;
-    struct walk_turn turn;
-    bool compared, cells; /* cells: drawn from them */
-};
-static struct record (*records)[FRAMES_MAX];
-static struct walk_sums (*sums)[FORMS][WALK_PARTS]; /* by worker; shared as well */
 
 static void keep(const struct setup *setup, const struct sv_image *image, int frame, const char *name)
 {
@@ -189,7 +159,7 @@ static void draw_frame(const struct forest *forest, const struct setup *setup, i
         to->gradient = r.gradient_ratio;
         if (truth->parts.data)
             walk_parts_add(&truth->parts, &picture.layer[SV_LAYER_COLOR], &truth->color, truth->sums[form]);
-        keep(setup, &picture.layer[SV_LAYER_COLOR], k, NAMES[form]);
+        keep(setup, &picture.layer[SV_LAYER_COLOR], k, WALK_FORM_NAMES[form]);
     }
     if (walk_path_turns(setup->path))
         compare_turned(forest, &request, k, form, &picture);
@@ -269,143 +239,7 @@ static bool run(const struct forest *forest, const struct setup *setup)
     return well;
 }
 
-/* ---- what came out ---- */
-
-static double percentile(enum form form, int count, bool cpu, double share)
-{
-    double sorted[FRAMES_MAX];
-    for (int k = 0; k < count; k++)
-        sorted[k] = cpu ? records[form][k].cpu_ms : records[form][k].ms;
-    forest_median(sorted, count);
-    return share == 0.5 ? forest_median(sorted, count) : sorted[(int)fmin(share * count, count - 1)];
-}
-
-static double frames_per_s(const struct setup *setup, enum form form)
-{
-    return setup->workers * 1000 / percentile(form, setup->frames, false, 0.5);
-}
-
-static void tell_cells(const struct setup *setup, enum form form)
-{
-    double holes = 0, worst = 0, left = 0;
-    uint32_t drawn = 0, built = 0, frames_built = 0;
-    for (int k = 0; k < setup->frames; k++) {
-        const struct record *r = &records[form][k];
-        drawn += r->cells;
-        built += r->cell.built;
-        frames_built += r->cell.built > 0;
-        holes += r->holes;
-        worst = fmax(worst, r->holes);
-        left = fmax(left, r->holes_left);
-    }
-    if (drawn > 0)
-        printf("       %u of %d frames from cells; %u panels built in %u frames; holes before filling %.4f "
-               "%% of the "
-               "picture (worst %.4f %%), after %.4f %%\n",
-               drawn, setup->frames, built, frames_built, 100 * holes / drawn, 100 * worst, 100 * left);
-}
-
-static struct walk_turn worst_turn(const struct setup *setup, enum form form)
-{
-    struct walk_turn worst = {0};
-    for (int k = 0; k < setup->frames; k++)
-        walk_turn_join(&worst, &records[form][k].turn);
-    return worst;
-}
-
-static void tell_turn(const struct setup *setup, enum form form)
-{
-    struct walk_turn worst = worst_turn(setup, form);
-    if (worst.tiles > 0)
-        printf("       turned by %g degrees, tiles of %d px: tone off by %.2f in the mean, %.2f at most "
-               "(frame %d, x %d y "
-               "%d); change at most %.2f\n",
-               WALK_TURN_DEG * setup->workers, WALK_TURN_TILE, worst.tones / worst.tiles, worst.tone,
-               worst.frame, worst.x, worst.y, worst.change);
-}
-
-static void tell(const struct setup *setup, enum form form)
-{
-    double sum[3] = {0};
-    int compared = 0;
-    for (int k = 0; k < setup->frames; k++) {
-        const struct record *r = &records[form][k];
-        compared += r->compared;
-        sum[0] += r->mean_abs;
-        sum[1] += r->ssim;
-        sum[2] += r->gradient;
-    }
-    printf("%6u %-6s %-7s ms: median %8.2f  99 %% %8.2f (%.1f frames/s)   processor ms: median %8.2f  99 %% "
-           "%8.2f",
-           setup->trees, WALK_PATH_NAMES[setup->path], NAMES[form],
-           percentile(form, setup->frames, false, 0.5), percentile(form, setup->frames, false, 0.99),
-           frames_per_s(setup, form), percentile(form, setup->frames, true, 0.5),
-           percentile(form, setup->frames, true, 0.99));
-    if (compared > 0)
-        printf("   mean abs %.3f  SSIM %.4f  gradient %.3f", sum[0] / compared, sum[1] / compared,
-               sum[2] / compared);
-    printf("\n");
-    tell_cells(setup, form);
-    tell_turn(setup, form);
-    for (int w = 1; w < setup->workers; w++)
-        walk_parts_join(sums[0][form], sums[w][form]);
-    walk_parts_tell(NAMES[form], sums[0][form]);
-}
-
-static void write_rows(const struct setup *setup, FILE *csv)
-{
-    for (int k = 0; k < setup->frames; k++)
-        for (int form = 0; form < FORMS; form++) {
-            const struct record *r = &records[form][k];
-            if (!setup->forms[form])
-                continue;
-            fprintf(csv, "%u,%s,%d,%s,%.3f,%.3f,%ld,%ld,%.3f,%.3f,%.3f,%.3f,%u,%u,%.6f,%.6f,%.4f,%.5f,%.4f\n",
-                    setup->trees, WALK_PATH_NAMES[setup->path], k, NAMES[form], r->ms, r->cpu_ms, r->faults,
-                    r->preempted, r->stage_ms[SV_STAGE_CELL], r->stage_ms[SV_STAGE_WARP], r->stage_ms[SV_STAGE_NEAR],
-                    r->stage_ms[SV_STAGE_COMPOSITE], r->cell.hits, r->cell.built, r->holes, r->holes_left,
-                    r->mean_abs, r->ssim, r->gradient);
-        }
-}
-
-/* Milliseconds over frames, of the count at hand. */
-static void plot_frames(const struct setup *setup)
-{
-    static double x[FRAMES_MAX], y[FORMS][FRAMES_MAX];
-    struct plot_line lines[FORMS];
-    char path[512], title[128];
-    int n = 0;
-    for (int k = 0; k < setup->frames; k++)
-        x[k] = k;
-    for (int form = 0; form < FORMS; form++) {
-        for (int k = 0; k < setup->frames; k++)
-            y[form][k] = records[form][k].ms;
-        if (setup->forms[form])
-            lines[n++] = (struct plot_line){NAMES[form], x, y[form], setup->frames, false};
-    }
-    snprintf(title, sizeof title, "%s, %u trees, %d x %d, %d workers", WALK_PATH_NAMES[setup->path],
-             setup->trees, setup->width, setup->height, setup->workers);
-    snprintf(path, sizeof path, "%s/%u-%s.svg", setup->folder, setup->trees, WALK_PATH_NAMES[setup->path]);
-    if (!plot_write(path, &(struct plot_axes){title, "frame", "ms", false, true}, lines, n))
-        perror(path);
-}
-
-static void plot_counts(const struct setup *setup, double rate[FORMS][COUNTS_MAX])
-{
-    struct plot_line lines[FORMS];
-    double x[COUNTS_MAX];
-    char path[512];
-    int n = 0;
-    for (int k = 0; k < setup->count_count; k++)
-        x[k] = setup->counts[k];
-    for (int form = 0; form < FORMS; form++)
-        if (setup->forms[form])
-            lines[n++] = (struct plot_line){NAMES[form], x, rate[form], setup->count_count, false};
-    snprintf(path, sizeof path, "%s/%s.svg", setup->folder, WALK_PATH_NAMES[setup->path]);
-    if (!plot_write(
-            path, &(struct plot_axes){"Frames a second by number of trees", "trees", "frames/s", true, true},
-            lines, n))
-        perror(path);
-}
+/* ---- pictures of what came out ---- */
 
 /* Two times SHEET_COLUMNS frames of the path, evenly: a row from cells, a row drawn directly, and again. */
 static void write_sheet(const struct forest *forest, const struct setup *setup)
@@ -447,7 +281,7 @@ static void add_turn(const struct forest *forest, const struct setup *setup, enu
                      struct motion_sheet *sheet)
 {
     enum { ENLARGED = 3, GAIN = 4 };
-    struct walk_turn worst = worst_turn(setup, form);
+    struct walk_turn worst = walk_worst_turn(setup, form);
     struct sv_camera camera, later_camera;
     if (worst.tiles == 0)
         return;
@@ -502,12 +336,12 @@ static bool run_count(const struct setup *setup, FILE *csv, double rate[FORMS])
     bool well = run(&forest, setup);
     for (int form = 0; form < FORMS && well; form++)
         if (setup->forms[form]) {
-            tell(setup, (enum form)form);
-            rate[form] = frames_per_s(setup, (enum form)form);
+            walk_tell(setup, (enum form)form);
+            rate[form] = walk_frames_per_s(setup, (enum form)form);
         }
-    write_rows(setup, csv);
+    walk_write_rows(setup, csv);
     if (setup->folder && well) {
-        plot_frames(setup);
+        walk_plot_frames(setup);
         write_sheet(&forest, setup);
         if (walk_path_turns(setup->path))
             write_turns(&forest, setup);
@@ -517,115 +351,12 @@ static bool run_count(const struct setup *setup, FILE *csv, double rate[FORMS])
     return well;
 }
 
-static bool read_counts(const char *text, struct setup *setup)
-{
-    setup->count_count = 0;
-    for (char *end; *text; text = *end ? end + 1 : end) {
-        unsigned long v = strtoul(text, &end, 10);
-        if (end == text || (*end && *end != ',') || v > SV_FOREST_TREES_MAX ||
-            setup->count_count == COUNTS_MAX)
-            return false;
-        setup->counts[setup->count_count++] = (uint32_t)v;
-    }
-    return setup->count_count > 0;
-}
-
-static bool read_forms(const char *text, struct setup *setup)
-{
-    for (int k = 0; k < FORMS; k++)
-        setup->forms[k] = false;
-    while (*text) {
-        size_t n = strcspn(text, ",");
-        int form = 0;
-        while (form < FORMS && (strlen(NAMES[form]) != n || strncmp(text, NAMES[form], n) != 0))
-            form++;
-        if (form == FORMS)
-            return false;
-        setup->forms[form] = true;
-        text += n + (text[n] == ',');
-    }
-    return true;
-}
-
-static bool read_quality(const char *name, enum sv_quality *quality)
-{
-#define NAME(value, text) [value] = text,
-    static const char *const names[] = {SV_QUALITY_LIST(NAME)};
-#undef NAME
-    for (int k = 0; k < SV_QUALITY_REFERENCE; k++)
-        if (strcmp(name, names[k]) == 0) {
-            *quality = (enum sv_quality)k;
-            return true;
-        }
-    return false;
-}
-
-static bool option(struct setup *setup, const char *name, const char *value)
-{
-    if (strcmp(name, "--counts") == 0)
-        return read_counts(value, setup);
-    else if (strcmp(name, "--frames") == 0)
-        return (setup->frames = atoi(value)) > 0 && setup->frames <= FRAMES_MAX;
-    else if (strcmp(name, "--size") == 0)
-        return sscanf(value, "%dx%d", &setup->width, &setup->height) == 2 &&
-               setup->width >= SV_VIEW_SIDE_MIN && setup->height >= SV_VIEW_SIDE_MIN &&
-               setup->width <= SV_VIEW_SIDE_MAX && setup->height <= SV_VIEW_SIDE_MAX;
-    else if (strcmp(name, "--workers") == 0)
-        return (setup->workers = atoi(value)) >= 1 && setup->workers <= WORKERS_MAX;
-    else if (strcmp(name, "--truth") == 0)
-        setup->truth_stride = atoi(value);
-    else if (strcmp(name, "--panel") == 0)
-        return (setup->panel = atoi(value)) >= 16;
-    else if (strcmp(name, "--refine") == 0)
-        return sscanf(value, "%dx%d", &setup->refine_samples, &setup->refine_scale) >= 1 &&
-               setup->refine_samples >= 1 && setup->refine_scale >= 1;
-    else if (strcmp(name, "--quality") == 0)
-        return read_quality(value, &setup->quality);
-    else if (strcmp(name, "-o") == 0)
-        setup->folder = value;
-    else if (strcmp(name, "--path") == 0)
-        return (setup->path = walk_path_named(value)) < WALK_PATHS;
-    else if (strcmp(name, "--forms") == 0)
-        return read_forms(value, setup);
-    else
-        return false;
-    return true;
-}
-
 int main(int argc, char **argv)
 {
-    struct setup setup = {.counts = {45000},
-                          .count_count = 1,
-                          .frames = 60,
-                          .width = 512,
-                          .height = 512,
-                          .workers = 1,
-                          .refine_scale = 1,
-                          .quality = SV_QUALITY_BALANCED,
-                          .forms = {[ON] = true, [OFF] = true}};
-    bool well = true;
-    for (int k = 1; k < argc && well; k++) {
-        if (strcmp(argv[k], "--warm") == 0)
-            setup.warm = true;
-        else if (strcmp(argv[k], "--still") == 0)
-            setup.still = true;
-        else if (strcmp(argv[k], "--parts") == 0)
-            setup.parts = true;
-        else if (strcmp(argv[k], "--apart") == 0)
-            setup.apart = true;
-        else if (strcmp(argv[k], "--shadows") == 0)
-            setup.shadows_alone = true;
-        else if ((well = k + 1 < argc && option(&setup, argv[k], argv[k + 1])))
-            k++;
-    }
-    if (!well) {
-        fprintf(stderr,
-                "usage: walkthrough [--counts N,N,...] [--path flight|walk|jump|turn|survey] [--frames N] "
-                "[--forms on,auto,paper,off,raycast,four] [--size WxH] [--truth STRIDE] [--workers 1|2] "
-                "[--refine SAMPLES[xSCALE]] [--panel TEXELS] [--quality fast|balanced|high] [--warm] [--still] "
-                "[--apart] [--parts] [--shadows] [-o FOLDER]\n");
+    struct setup setup;
+    if (!walk_options(argc, argv, &setup))
         return 2;
-    }
+    bool well = true;
     char path[512] = "/dev/null";
     if (setup.folder) {
         mkdir(setup.folder, 0777);
@@ -640,9 +371,10 @@ int main(int argc, char **argv)
         perror(path);
         return 1;
     }
-    fprintf(csv,
-            "trees,path,frame,form,ms,processor_ms,faults,preempted,cell_ms,warp_ms,near_ms,composite_ms,panels,"
-            "built,holes,holes_left,mean_abs,ssim,gradient\n");
+    fprintf(
+        csv,
+        "trees,path,frame,form,ms,processor_ms,faults,preempted,cell_ms,warp_ms,near_ms,composite_ms,panels,"
+        "built,holes,holes_left,mean_abs,ssim,gradient\n");
     static double rate[FORMS][COUNTS_MAX];
     forest_use_cells((size_t)4 << 30);
     for (int k = 0; k < setup.count_count && well; k++) {
@@ -653,7 +385,7 @@ int main(int argc, char **argv)
             rate[form][k] = of[form];
     }
     if (setup.folder && setup.count_count > 1 && well)
-        plot_counts(&setup, rate);
+        walk_plot_counts(&setup, rate);
     fclose(csv);
     return well ? 0 : 1;
 }
