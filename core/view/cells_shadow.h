@@ -6,6 +6,11 @@
  * of a centimetre. A page depends on its place and on the sun, not on the eye: who walks on finds those that
  * are there. They are looked for by views from cells alone; a view that is drawn directly never sees them.
  *
+ * Measured (walkthrough --refine 16 --shadows, a walk at 1.7 m among 5,000 trees, 512 x 512, three poses against 64
+ * samples of the truth): the ground, 30 % of the picture, is off by 1.31 levels with SSIM 0.970, from 4.18 and 0.865 as
+ * built; a ray cast of four samples 1.01 and 0.968. The first pose's 90 pages take 15.9 s of processor time, 11 us a
+ * texel; the next 23 poses of the path want 13 more. 45,000 trees: 100 pages in 31.8 s.
+ *
  * In the cache a page is SV_SHADOW_PAGE_SIDE squared bytes with nothing before them, of the layer
  * SV_PANEL_SHADOW; its place is i, j, its level k. One thread, that of the cells. */
 #ifndef SV_VIEW_CELLS_SHADOW_H
