@@ -8,12 +8,12 @@
  *
  * Paths: walk_path.h. Where the eye turns, how much a worker's frame differs from its next one taken back is
  * told (walk_turn.h). --warm: the path is gone along once before it is measured, by the process that workers
- * are forked from, and each worker draws some frames: what is measured maps panels that others have built, but
- * makes nothing that a process makes once, its heap included. --still: the first pose again and again.
- * --refine: all panels of a pose and the shadows on its ground are drawn again from the ray-cast truth before it
- * is measured; with --shadows the shadows alone. four: the ray
- * cast of four samples. Every STRIDE-th frame is compared with 64 samples of the ray-cast truth. --parts: the
- * same by parts of the picture (walk_parts.h).
+ * are forked from, and each worker draws some frames: what is measured maps panels that others have built,
+ * but makes nothing that a process makes once, its heap included. --still: the first pose again and again.
+ * --refine: all panels of a pose and the shadows on its ground are drawn again from the ray-cast truth before
+ * it is measured; with --shadows the shadows alone. four: the ray cast of four samples. Every STRIDE-th frame
+ * is compared with 64 samples of the ray-cast truth. --parts: the same by parts of the picture
+ * (walk_parts.h).
  *
  * Workers are forked as the service forks them and share one cache of panels, each draws every workers-th
  * frame, in all forms one after the other, from the first or, in turn, from the last; frames a second are
@@ -80,8 +80,8 @@ static void refine(const struct forest *forest, const struct setup *setup, struc
     double ms;
     forest_draw(forest, request, &picture, NULL, NULL, NULL);
     sv_picture_finish(&picture);
-    uint32_t count = forest_refine(forest, request, setup->refine_samples, setup->refine_scale,
-                                   setup->shadows_alone, &ms);
+    uint32_t count =
+        forest_refine(forest, request, setup->refine_samples, setup->refine_scale, setup->shadows_alone, &ms);
     printf("refined %u panels and pages of shadow in %.1f s\n", count, ms * 1e-3);
 }
 

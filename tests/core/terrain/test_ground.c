@@ -415,7 +415,8 @@ static uint64_t some_pages(void *context, int level, int i, int j, uint64_t have
 {
     (void)context;
     (void)have;
-    uint64_t h = sv_mix64((uint64_t)(uint32_t)i << 32 ^ (uint64_t)(uint32_t)j ^ sv_mix64((uint64_t)(level + 99)));
+    uint64_t h =
+        sv_mix64((uint64_t)(uint32_t)i << 32 ^ (uint64_t)(uint32_t)j ^ sv_mix64((uint64_t)(level + 99)));
     struct sv_rng rng = sv_rng_seeded(h, 2);
     if (h % 2)
         return 0;
@@ -467,9 +468,9 @@ static void simd_is_plain_of_refined_pages(void **state)
     sv_shadow_height_finish(&sun_map);
 }
 
-/* A source of one level's pages, of a triangle wave along x and y: look-ups give it back at the pixel's middle, on
- * whatever page that is, also where finer pages are wished for. A texel is a twelfth of the light, so that a seam at a
- * page's border would show. */
+/* A source of one level's pages, of a triangle wave along x and y: look-ups give it back at the pixel's
+ * middle, on whatever page that is, also where finer pages are wished for. A texel is a twelfth of the light,
+ * so that a seam at a page's border would show. */
 static int wave_level;
 static double wave(double texels)
 {

@@ -1,6 +1,6 @@
-/* test_cells_shadow.c - shadows on near ground refined in the cache of panels: what is cast is the truth's own light, what
- * is stopped goes on, pictures come nearer to the truth while those that are drawn directly stay as they are, and all goes
- * with the cache. */
+/* test_cells_shadow.c - shadows on near ground refined in the cache of panels: what is cast is the truth's
+ * own light, what is stopped goes on, pictures come nearer to the truth while those that are drawn directly
+ * stay as they are, and all goes with the cache. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -92,7 +92,8 @@ static struct sv_image draw(struct stage *s)
     return picture.layer[SV_LAYER_COLOR];
 }
 
-static struct sv_image draw_as(const struct stage *s, enum sv_relief_mode relief, enum sv_trees trees, int samples)
+static struct sv_image draw_as(const struct stage *s, enum sv_relief_mode relief, enum sv_trees trees,
+                               int samples)
 {
     struct stage other = *s;
     other.request.relief = relief;
@@ -110,12 +111,8 @@ static struct sv_cells_refine_report refine(struct stage *s, int rows, uint32_t 
 {
     struct sv_error error = {0};
     struct sv_cells_refine_report report;
-    struct sv_cells_refine_options options = {.samples = 16,
-                                              .scale = 1,
-                                              .shadows_alone = true,
-                                              .most = most,
-                                              .stop = after_rows,
-                                              .context = &rows};
+    struct sv_cells_refine_options options = {
+        .samples = 16, .scale = 1, .shadows_alone = true, .most = most, .stop = after_rows, .context = &rows};
     if (sv_renderer_refine_cells(s->renderer, &s->request, &s->view, &options, &report, &error))
         fail_msg("%s: %s", error.field, error.message);
     return report;
@@ -201,7 +198,8 @@ static void test_goes_on(void **state)
     sv_image_free(&refined);
 }
 
-/* Each page is the light of the truth at its texels, one by one; neighbours hold the same in the texels that both have. */
+/* Each page is the light of the truth at its texels, one by one; neighbours hold the same in the texels that
+ * both have. */
 static void test_pages_are_the_truths(void **state)
 {
     struct stage *s = *state;
@@ -244,8 +242,9 @@ static void test_pages_are_the_truths(void **state)
             struct sv_cell_cache_panel other;
             if (east->k != at->k || east->i != at->i + 1 || east->j != at->j)
                 continue;
-            assert_int_equal(sv_cell_cache_find(s->cache, 1, items[m].label.key, s->scene->generation, 0, &other),
-                             SV_CELL_CACHE_HIT);
+            assert_int_equal(
+                sv_cell_cache_find(s->cache, 1, items[m].label.key, s->scene->generation, 0, &other),
+                SV_CELL_CACHE_HIT);
             for (int b = 0; b < PAGE; b++)
                 assert_memory_equal(page + b * PAGE + STEP, (const uint8_t *)other.data + b * PAGE, 2);
             sv_cell_cache_unpin(s->cache, 1, &other);
@@ -272,11 +271,12 @@ static void test_found_again(void **state)
     picture = draw(&near);
     for (int first = 0; first < SIDE; first += 40) {
         struct sv_error error = {0};
-        struct sv_renderer_band band = {.row_first = first, .row_count = first + 40 < SIDE ? 40 : SIDE - first};
+        struct sv_renderer_band band = {.row_first = first,
+                                        .row_count = first + 40 < SIDE ? 40 : SIDE - first};
         struct sv_picture part;
         struct sv_draw_took took;
-        assert_int_equal(sv_renderer_draw_band(s->renderer, &near.request, &near.view, &band, &part, NULL, NULL,
-                                               &took, &error),
+        assert_int_equal(sv_renderer_draw_band(s->renderer, &near.request, &near.view, &band, &part, NULL,
+                                               NULL, &took, &error),
                          SV_OK);
         assert_memory_equal((uint8_t *)picture.data + 4 * SIDE * first, part.layer[SV_LAYER_COLOR].data,
                             (size_t)(4 * SIDE * band.row_count));
@@ -294,7 +294,8 @@ static void test_found_again(void **state)
     sv_image_free(&picture);
 }
 
-/* A changed scene, another view, or the end of the process: what is begun goes, and nothing stays reserved. */
+/* A changed scene, another view, or the end of the process: what is begun goes, and nothing stays reserved.
+ */
 static void test_lets_go(void **state)
 {
     struct stage *s = *state;
@@ -324,8 +325,8 @@ static void test_lets_go(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_goes_on), cmocka_unit_test(test_pages_are_the_truths),
-        cmocka_unit_test(test_found_again), cmocka_unit_test(test_lets_go)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_goes_on),
+                                       cmocka_unit_test(test_pages_are_the_truths),
+                                       cmocka_unit_test(test_found_again), cmocka_unit_test(test_lets_go)};
     return cmocka_run_group_tests(tests, open_stage, close_stage);
 }
