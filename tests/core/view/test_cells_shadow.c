@@ -165,6 +165,9 @@ static void test_goes_on(void **state)
     int coarsest = -99, coarser = 0;
     for (int k = 0; k < 3; k++)
         coarsest = items[k].label.parts.place.k > coarsest ? items[k].label.parts.place.k : coarsest;
+    struct sv_image begun = draw(s);
+    assert_true(s->stats.cell.shadows_left);
+    assert_true(memcmp(begun.data, built.data, sv_image_bytes(&built)) != 0);
     report = refine(s, 1000000, UINT32_MAX);
     assert_int_equal(report.refined, first_left - 3);
     assert_int_equal(report.left, 0);
@@ -184,6 +187,8 @@ static void test_goes_on(void **state)
     kit_keep(&built, "shadows-built");
     kit_keep(&refined, "shadows-refined");
     kit_keep(&truth, "shadows-truth");
+    kit_keep(&begun, "shadows-begun");
+    sv_image_free(&begun);
     /* Dropped, they are gone for who has read them, too. */
     sv_cell_cache_clear(s->cache);
     again = draw(s);
