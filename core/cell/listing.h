@@ -21,8 +21,8 @@ struct sv_cell_listed {
 };
 
 /* Sorts items so that those of one cell are neighbours, inner rings first, and writes one cell for each such
- * run into cells (room for count); returns how many cells there are. Pages of shadow (SV_PANEL_SHADOW) belong to none:
- * they come last. */
+ * run into cells (room for count); returns how many cells there are. Pages of shadow (SV_PANEL_SHADOW) belong
+ * to none: they come last. */
 size_t sv_cell_listing(struct sv_cell_cache_item *items, size_t count, struct sv_cell_listed *cells);
 /* How many pages of shadow there are, without those that are being cast. */
 size_t sv_cell_listing_shadows(const struct sv_cell_cache_item *items, size_t count);

@@ -33,7 +33,9 @@
 
 enum { SV_PANEL_SIZE_MIN = 16, SV_PANEL_SIZE_MAX = 4096, SV_PANEL_TILE = 16 };
 enum { SV_PANEL_CROWNS = 1, SV_PANEL_GROUND = 2 }; /* layers, as bits */
-enum { SV_PANEL_SHADOW = 4 }; /* no panel: a page of shadow that is kept among them (core/view/cells_shadow.h) */
+enum {
+    SV_PANEL_SHADOW = 4
+}; /* no panel: a page of shadow that is kept among them (core/view/cells_shadow.h) */
 /* The code of q = 1. */
 #define SV_PANEL_Q_ONE 32768
 /* Arrays begin at multiples of this many bytes of the block, and this many are readable after each. */

@@ -10,10 +10,11 @@
 #include "core/terrain/shadow_page.h"
 
 enum { SV_GROUND_LEVELS = 16, SV_GROUND_CODES = 4096 };
-/* Of the texel that SV_SHADOW_PAGE_TEXEL_PX tells, where pages are refined: these are read at several places a pixel. On a
- * walk among 5,000 trees at 1.7 m, against 64 samples of the truth (tests/experiments/walkthrough --refine 16 --shadows):
- * the ground is off by 1.31 levels with 0.5 and four places, 1.39 with 0.72 and two, 1.58 with 1 and one; with texels of 16 mm at the finest 1.46,
- * 1.49 and 1.58. As built, 4.18. */
+/* Of the texel that SV_SHADOW_PAGE_TEXEL_PX tells, where pages are refined: these are read at several places
+ * a pixel. On a walk among 5,000 trees at 1.7 m, against 64 samples of the truth
+ * (tests/experiments/walkthrough --refine 16 --shadows): the ground is off by 1.31 levels with 0.5 and four
+ * places, 1.39 with 0.72 and two, 1.58 with 1 and one; with texels of 16 mm at the finest 1.46, 1.49
+ * and 1.58. As built, 4.18. */
 #define SV_GROUND_REFINED_SHARE 0.5f
 enum { SV_GROUND_PAGE_LEVELS = SV_SHADOW_PAGE_FINER + SV_SHADOW_PAGE_LEVELS };
 

@@ -189,7 +189,8 @@ static int find_slot(struct sv_shadow_pages *pages, uint64_t key, int level, int
 static int take_slot(struct sv_shadow_pages *pages, uint64_t key, int level, int i, int j)
 {
     int k = free_slot(pages), *bucket = bucket_of(pages, key, level, i, j);
-    pages->slots[k] = (struct slot){.key = key, .used = pages->clock, .level = level, .i = i, .j = j, .next = *bucket};
+    pages->slots[k] =
+        (struct slot){.key = key, .used = pages->clock, .level = level, .i = i, .j = j, .next = *bucket};
     *bucket = k;
     return k;
 }
@@ -250,10 +251,13 @@ static int refined_slot(struct sv_shadow_pages *pages, int level, int i, int j)
     int k = find_slot(pages, key, level, i, j);
     if (k != NONE && pages->slots[k].version == source->version)
         return k;
-    struct asked *a = &pages->asked[hash_of(key, level, i, j) >> 54], now = {key, source->version, level, i, j};
-    if (k == NONE && a->level == level && a->i == i && a->j == j && a->version == now.version && a->key == key)
+    struct asked *a = &pages->asked[hash_of(key, level, i, j) >> 54],
+                 now = {key, source->version, level, i, j};
+    if (k == NONE && a->level == level && a->i == i && a->j == j && a->version == now.version &&
+        a->key == key)
         return NONE;
-    uint64_t number = source->read(source->context, level, i, j, k != NONE ? pages->slots[k].number : 0, pages->read);
+    uint64_t number =
+        source->read(source->context, level, i, j, k != NONE ? pages->slots[k].number : 0, pages->read);
     if (number == 0) {
         if (k != NONE)
             empty_slot(pages, k);
@@ -292,8 +296,8 @@ uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, 
 /* Of light from lower than that nothing is cast (shadow_window.h). */
 static const double LOWEST_SUN_Z = 0.004;
 
-bool sv_shadow_page_meets(const struct sv_heightfield *f, struct sv_vec3 to_sun, const struct sv_shadow_box *b,
-                          int level, int i, int j)
+bool sv_shadow_page_meets(const struct sv_heightfield *f, struct sv_vec3 to_sun,
+                          const struct sv_shadow_box *b, int level, int i, int j)
 {
     struct sv_shadow_place place = sv_shadow_page_place(f, level, i, j);
     double texel = place.texel_m, spread = 2 * texel;

@@ -6,9 +6,10 @@
  * * STEP texels from (STEP i, STEP j) on and one more on each side, so that bilinear look-ups of any place of
  * the page stay inside of it. Coarser levels are the mip levels of finer ones, each cast anew.
  *
- * Who has better pages, cast from rays, lends them as a source (sv_shadow_source): where one is in use, pages are taken from
- * it as far as it has them, down to texels of SV_SHADOW_PAGE_TEXEL_M / 2^FINER, levels -FINER .. -1, which
- * are never built here. Levels nest: page (i, j) of a level lies in page (i >> 1, j >> 1) of the next one.
+ * Who has better pages, cast from rays, lends them as a source (sv_shadow_source): where one is in use, pages
+ * are taken from it as far as it has them, down to texels of SV_SHADOW_PAGE_TEXEL_M / 2^FINER, levels -FINER
+ * .. -1, which are never built here. Levels nest: page (i, j) of a level lies in page (i >> 1, j >> 1) of the
+ * next one.
  *
  * A page's content depends on its place, the sun and what casts, never on earlier views or on the eye, so a
  * picture is the same whoever draws it, and eyes that come by again find the pages there. SV_SHADOW_PAGES are
@@ -38,8 +39,8 @@ struct sv_shadow_pages;
 
 /* Where better pages may be had. */
 struct sv_shadow_source {
-    /* The number of a page, another one when its content is another; 0: there is none. Writes its light (SIDE squared)
-     * unless the number is `have`. NULL: no source. */
+    /* The number of a page, another one when its content is another; 0: there is none. Writes its light (SIDE
+     * squared) unless the number is `have`. NULL: no source. */
     uint64_t (*read)(void *context, int level, int i, int j, uint64_t have, uint8_t *light);
     void *context;
     uint64_t version; /* while it stays, nothing is asked for twice */
@@ -89,7 +90,8 @@ struct sv_shadow_wishes {
 /* From now on they are noted, whether the source has them or not; NULL: no longer. Borrowed. */
 void sv_shadow_pages_note(struct sv_shadow_pages *pages, struct sv_shadow_wishes *wishes);
 
-/* Where a page lies. Its texels are those of the level's lattice from column STEP i - 1 and row STEP j - 1 on. */
+/* Where a page lies. Its texels are those of the level's lattice from column STEP i - 1 and row STEP j - 1
+ * on. */
 struct sv_shadow_place sv_shadow_page_place(const struct sv_heightfield *field, int level, int i, int j);
 /* Fills whole levels of the scene in use, from the coarsest of several pages down, as long as they are not
  * too much: SV_SHADOW_PAGES_WHOLE pages in all, and for those that are not there most_s of what casters (how
@@ -103,8 +105,8 @@ struct sv_shadow_box {
     double min[3], max[3];
 };
 /* Whether the box's shadow may fall on the page: it is swept down to the field's lowest ground. */
-bool sv_shadow_page_meets(const struct sv_heightfield *field, struct sv_vec3 to_sun, const struct sv_shadow_box *box,
-                          int level, int i, int j);
+bool sv_shadow_page_meets(const struct sv_heightfield *field, struct sv_vec3 to_sun,
+                          const struct sv_shadow_box *box, int level, int i, int j);
 /* What stood or stands between the sun and the ground is other: drops pages of other keys than `key`, and of
  * these all on which the shadow of one of the boxes may fall. */
 void sv_shadow_pages_drop(struct sv_shadow_pages *pages, uint64_t key, struct sv_vec3 to_sun,

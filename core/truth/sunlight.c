@@ -7,7 +7,8 @@
 static float sees_sun(const struct sv_truth_caster *caster, double x, double y)
 {
     const struct sv_heightfield *f = &caster->truth->scene->terrain.field;
-    struct sv_vec3 place = {sv_clamp(x, f->x0, sv_heightfield_x1(f)), sv_clamp(y, f->y0, sv_heightfield_y1(f)), 0};
+    struct sv_vec3 place = {sv_clamp(x, f->x0, sv_heightfield_x1(f)),
+                            sv_clamp(y, f->y0, sv_heightfield_y1(f)), 0};
     struct sv_truth_hit hit = {.any = true, .terrain = true};
     if (!sv_heightfield_height(f, place.x, place.y, &place.z) ||
         !sv_heightfield_normal(f, place.x, place.y, &hit.normal))

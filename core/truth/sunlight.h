@@ -7,7 +7,8 @@
 
 #include "core/truth/truth.h"
 
-/* Texel (i, j) is the square texel_m wide whose south-west corner is (x0 + i texel_m, y0 + j texel_m), world. */
+/* Texel (i, j) is the square texel_m wide whose south-west corner is (x0 + i texel_m, y0 + j texel_m), world.
+ */
 struct sv_truth_lattice {
     double x0, y0, texel_m;
     int first, count; /* columns of a row */
@@ -15,9 +16,10 @@ struct sv_truth_lattice {
     bool trees;       /* cast shadows; else terrain and objects alone */
 };
 
-/* light_out[k] (lattice->count): share of the samples of texel (first + k, row) whose ground sees the sun, 255: all of
- * them. A sample is on the surface of heightfield.h there; beyond the field it is at its border. A texel's light is its
- * own: the same in whatever row it is asked for. Light that comes from below the horizon: 0. About 1 us a sample. */
+/* light_out[k] (lattice->count): share of the samples of texel (first + k, row) whose ground sees the sun,
+ * 255: all of them. A sample is on the surface of heightfield.h there; beyond the field it is at its border.
+ * A texel's light is its own: the same in whatever row it is asked for. Light that comes from below the
+ * horizon: 0. About 1 us a sample. */
 void sv_truth_sunlight_row(const struct sv_truth *truth, const struct sv_light *light,
                            const struct sv_truth_lattice *lattice, int row, uint8_t *light_out);
 

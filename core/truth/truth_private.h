@@ -99,7 +99,8 @@ void sv_truth_sample(const struct sv_truth_caster *caster, double px, double py,
  * lets through on the average. */
 float sv_truth_sun_visible(const struct sv_truth_caster *caster, const struct sv_truth_hit *hit);
 
-/* Embree wants denormals flushed while it traces; the caller's mode, which this returns, comes back afterwards
+/* Embree wants denormals flushed while it traces; the caller's mode, which this returns, comes back
+ * afterwards
  * (_mm_setcsr). */
 static inline unsigned sv_truth_flush_denormals(void)
 {

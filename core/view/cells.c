@@ -128,7 +128,8 @@ bool sv_cells_can(const struct sv_resolved_view *view, unsigned layers)
 
 /* ---- what is opaque ---- */
 
-/* What is drawn between the two is lit by refined pages of shadow, where the ground is always drawn directly. */
+/* What is drawn between the two is lit by refined pages of shadow, where the ground is always drawn directly.
+ */
 static void begin_shadows(struct sv_cells *c, struct sv_cells_frame *f)
 {
     if (f->low)

@@ -88,9 +88,10 @@ SV_MUST_CHECK enum sv_status sv_cells_wanted(struct sv_cells *cells, const struc
                                              struct sv_cells_panel panels[SV_CELLS_PANELS_MAX], int *count,
                                              struct sv_error *error);
 
-/* The pages of shadow that it wants refined, and which they are (core/view/cells_shadow.h): none where the ground is
- * drawn from panels or nothing throws shadows. */
-SV_MUST_CHECK enum sv_status sv_cells_wanted_shadows(struct sv_cells *cells, const struct sv_resolved_view *view,
+/* The pages of shadow that it wants refined, and which they are (core/view/cells_shadow.h): none where the
+ * ground is drawn from panels or nothing throws shadows. */
+SV_MUST_CHECK enum sv_status sv_cells_wanted_shadows(struct sv_cells *cells,
+                                                     const struct sv_resolved_view *view,
                                                      struct sv_cells_shadow *shadow,
                                                      struct sv_shadow_wish wishes[SV_CELLS_SHADOWS_MAX],
                                                      size_t *count, struct sv_error *error);

@@ -7,8 +7,8 @@
  * told by sv_cell_sees_box; margins are what drawing spreads. So a panel that stays is, byte for byte, what
  * would be built anew.
  *
- * Refined pages of shadow (cells_shadow.h) go where the shadow of what changed may fall on them, as built ones do
- * (core/terrain/shadow_page.h).
+ * Refined pages of shadow (cells_shadow.h) go where the shadow of what changed may fall on them, as built
+ * ones do (core/terrain/shadow_page.h).
  *
  * A new sun changes no panel: the light is part of their keys. Own derivation. Any thread. */
 #ifndef SV_VIEW_CELLS_CHANGE_H

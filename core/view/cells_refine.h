@@ -38,9 +38,9 @@ struct sv_cells_refine_report {
     uint32_t left;    /* that are to be refined still, but for those that others refine now */
 };
 
-/* Refines the shadows of the view and then its panels that are built and not refined yet, nearest ring first, until all are or
- * as many as is said, or `stop` is true. Panels that are missing, that show nothing, or for which the cache has no room now are
- * passed over. */
+/* Refines the shadows of the view and then its panels that are built and not refined yet, nearest ring first,
+ * until all are or as many as is said, or `stop` is true. Panels that are missing, that show nothing, or for
+ * which the cache has no room now are passed over. */
 SV_MUST_CHECK enum sv_status sv_cells_refine(struct sv_cells_refiner *refiner,
                                              const struct sv_resolved_view *view,
                                              const struct sv_cells_refine_options *options,

@@ -19,18 +19,20 @@ static bool of_trees(const struct sv_cells_shadow *shadow)
     return shadow->light.texel_m > 0;
 }
 
-struct sv_cell_cache_label sv_cells_shadow_label(const struct sv_cells_shadow *shadow, int level, int i, int j)
+struct sv_cell_cache_label sv_cells_shadow_label(const struct sv_cells_shadow *shadow, int level, int i,
+                                                 int j)
 {
     struct sv_shadow_place at = sv_shadow_page_place(shadow->field, level, i, j);
     struct sv_vec3 s = shadow->light.to_sun;
     uint64_t light = sv_hash_double(sv_hash_double(sv_hash_double(SV_HASH_INIT, s.x), s.y), s.z);
-    struct sv_cell_cache_label label = {.parts = {.place = {.i = i, .j = j, .k = level, .v = {at.x0, at.y0, 0}},
-                                                  .layer = SV_PANEL_SHADOW,
-                                                  .size = SIDE,
-                                                  .light = sv_hash_u64(light, of_trees(shadow)),
-                                                  .scene = shadow->scene_key},
-                                        .light = {.to_sun = s, .texel_m = of_trees(shadow) ? at.texel_m : 0},
-                                        .pitch = 1};
+    struct sv_cell_cache_label label = {
+        .parts = {.place = {.i = i, .j = j, .k = level, .v = {at.x0, at.y0, 0}},
+                  .layer = SV_PANEL_SHADOW,
+                  .size = SIDE,
+                  .light = sv_hash_u64(light, of_trees(shadow)),
+                  .scene = shadow->scene_key},
+        .light = {.to_sun = s, .texel_m = of_trees(shadow) ? at.texel_m : 0},
+        .pitch = 1};
     const struct sv_cell_rings rings = {.count = 1, .distance_m = {at.texel_m * STEP}, .pitch = 1};
     label.key = sv_cell_key(&rings, &label.parts);
     return label;
@@ -116,9 +118,11 @@ bool sv_cells_shadow_work_begin(struct sv_cells_shadow_work *work, const struct 
                                 const struct sv_shadow_wish *page, int samples)
 {
     struct sv_cell_cache_label label = sv_cells_shadow_label(shadow, page->level, page->i, page->j);
-    *work = (struct sv_cells_shadow_work){.shadow = *shadow, .page = *page, .key = label.key, .samples = samples};
-    work->begun = sv_cell_cache_reserve(shadow->cache, shadow->slot, &label, PAGE_BYTES, true, shadow->generation,
-                                        shadow->now_s, &work->pin) == SV_CELL_CACHE_GRANTED;
+    *work =
+        (struct sv_cells_shadow_work){.shadow = *shadow, .page = *page, .key = label.key, .samples = samples};
+    work->begun =
+        sv_cell_cache_reserve(shadow->cache, shadow->slot, &label, PAGE_BYTES, true, shadow->generation,
+                              shadow->now_s, &work->pin) == SV_CELL_CACHE_GRANTED;
     return work->begun;
 }
 
@@ -128,7 +132,8 @@ bool sv_cells_shadow_work_row(struct sv_cells_shadow_work *work, const struct sv
     const struct sv_light light = {.to_sun = s->light.to_sun};
     struct sv_truth_lattice lattice = {.x0 = s->field->x0,
                                        .y0 = s->field->y0,
-                                       .texel_m = sv_shadow_page_place(s->field, work->page.level, 0, 0).texel_m,
+                                       .texel_m =
+                                           sv_shadow_page_place(s->field, work->page.level, 0, 0).texel_m,
                                        .first = work->page.i * STEP - 1,
                                        .count = SIDE,
                                        .samples = work->samples,

@@ -6,6 +6,12 @@
  * of a centimetre. A page depends on its place and on the sun, not on the eye: who walks on finds those that
  * are there. They are looked for by views from cells alone; a view that is drawn directly never sees them.
  *
+ * Measured (walkthrough --refine 16 --shadows, a walk at 1.7 m among 5,000 trees, 512 x 512, three poses
+ * against 64 samples of the truth): the ground, 30 % of the picture, is off by 1.31 levels with SSIM 0.970,
+ * from 4.18 and 0.865 as built; a ray cast of four samples 1.01 and 0.968. The first pose's 90 pages
+ * take 15.9 s of processor time, 11 us a texel; the next 23 poses of the path want 13 more. 45,000 trees: 100
+ * pages in 31.8 s.
+ *
  * In the cache a page is SV_SHADOW_PAGE_SIDE squared bytes with nothing before them, of the layer
  * SV_PANEL_SHADOW; its place is i, j, its level k. One thread, that of the cells. */
 #ifndef SV_VIEW_CELLS_SHADOW_H
@@ -30,12 +36,13 @@ struct sv_cells_shadow {
 /* Views in which more pages than that are wanted have the rest as they are built. */
 enum { SV_CELLS_SHADOWS_MAX = 1024 };
 
-struct sv_cell_cache_label sv_cells_shadow_label(const struct sv_cells_shadow *shadow, int level, int i, int j);
+struct sv_cell_cache_label sv_cells_shadow_label(const struct sv_cells_shadow *shadow, int level, int i,
+                                                 int j);
 /* Whether the page is in the cache. */
 bool sv_cells_shadow_there(const struct sv_cells_shadow *shadow, const struct sv_shadow_wish *page);
 
-/* What is drawn directly between the two takes refined pages; `shadow` stays where it is until then. The latter returns
- * whether one was wanted that is not there. */
+/* What is drawn directly between the two takes refined pages; `shadow` stays where it is until then. The
+ * latter returns whether one was wanted that is not there. */
 void sv_cells_shadow_begin(struct sv_cells_shadow *shadow, struct sv_direct *direct, uint64_t *lacking);
 bool sv_cells_shadow_end(struct sv_direct *direct, uint64_t lacking);
 

@@ -37,7 +37,7 @@ struct sv_direct {
     struct sv_tree_shade *shade;    /* NULL: no trees */
     struct sv_ground *ground;
     struct sv_shadow_pages *pages;
-    struct sv_shadow_source refined; /* of pages */
+    struct sv_shadow_source refined;        /* of pages */
     struct sun_shadow scene_sun, other_sun; /* the scene's own is made before any fork */
     struct direct_target targets[TARGETS];  /* the last one used first */
 };

@@ -7,8 +7,8 @@
  * 45,000; a ray cast of four samples a pixel 5.1 and 0.843, 6.1 and 0.775. 16 panels take 103 s of processor
  * time, 17 of 45,000 trees 229 s. Before texels of refined panels were blended bilinearly (one overview at
  * 256 x 256): 3.9 and 0.858 at 16 samples, 6.0 and 0.739 at 4, 10.6 and 0.582 at 1; built panels 5.2 and
- * 0.736. 1 to 2.5 us a sample. What is drawn directly gains nothing: on a walk the ground, whose shadows are
- * soft (4.7 levels, four samples 1.05), is three fifths of what such a picture is worse than four samples.
+ * 0.736. 1 to 2.5 us a sample. What is drawn directly gains
+ * nothing, but for the shadows on the ground (cells_shadow.h).
  *
  * Row by row: a panel of 1024 x 1024 texels takes minutes, and who draws it must be free for a view at any
  * time. One thread. */

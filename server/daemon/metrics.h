@@ -56,11 +56,11 @@
     X(SV_GAUGE_RESOLVES, "resolve_cache_entries", "resolved cameras in memory")                             \
     X(SV_GAUGE_SLAB_BYTES, "slab_bytes", "shared memory reserved for pictures in transit")                  \
     X(SV_GAUGE_SLAB_LENT, "slab_lent_bytes", "of these, in use")                                            \
-    X(SV_GAUGE_CELL_PANELS, "cells_panels", "relief panels and pages of refined shadow in memory")           \
+    X(SV_GAUGE_CELL_PANELS, "cells_panels", "relief panels and pages of refined shadow in memory")          \
     X(SV_GAUGE_CELL_BYTES, "cells_bytes", "bytes of relief panels in memory")                               \
     X(SV_GAUGE_CELL_BUDGET, "cells_budget_bytes", "bytes that relief panels may take")                      \
     X(SV_GAUGE_CELL_AHEAD, "cells_jobs_ahead", "jobs that build relief panels ahead")                       \
-    X(SV_GAUGE_CELL_REFINE, "cells_jobs_refine", "views whose relief panels are to be refined")            \
+    X(SV_GAUGE_CELL_REFINE, "cells_jobs_refine", "views whose relief panels are to be refined")             \
     X(SV_GAUGE_CONNECTIONS, "connections", "open connections")                                              \
     X(SV_GAUGE_RESIDENT, "resident_bytes", "resident memory of the daemon")                                 \
     X(SV_GAUGE_DESCRIPTORS, "open_descriptors", "open descriptors of the daemon")                           \

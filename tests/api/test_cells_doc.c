@@ -73,8 +73,7 @@ static void document(void **state)
     cJSON *root = parsed(printed, bytes);
     assert_true(number(root, "budget_bytes") == 1 << 20 && number(root, "used_bytes") == 12288);
     assert_true(number(root, "panels") == 1 && number(root, "shadow_pages") == 7);
-    assert_true(number(root, "building") == 1 &&
-                number(root, "evictions") == 9);
+    assert_true(number(root, "building") == 1 && number(root, "evictions") == 9);
     assert_true(number(root, "jobs_ahead") == 3 && number(root, "jobs_refine") == 2);
     const cJSON *c = cJSON_GetArrayItem(at(root, "cells"), 0);
     assert_string_equal(text(c, "id"), "0000000000000010");

@@ -443,6 +443,33 @@ class Refined(Warm):
         self.assertEqual(self.ask(d, 4, 128).body, better.body)
         self.assertEqual(d.metric("cells_jobs_refine"), 0, "nothing is left to do")
 
+    def test_shadows_on_near_ground(self):
+        """A walker's ground is no panel's; its shadows are kept among panels, read by views from cells alone, and go with them."""
+        d = self.start(workers=1, refine_samples=4)
+        walk = dict(agl=1.7, pitch=-20)
+        truth = d.get(target(relief="off", quality="reference", **walk))
+        direct = d.get(target(relief="off", **walk))
+        first = self.ask(d, 3, 128, **walk)
+        self.assertEqual(cell(first)[2], "drawn")
+        self.until_refined(d)
+        better = self.ask(d, 1, 128, **walk)
+        self.assertEqual(cell(better), ("hit", cell(first)[1], "refined"))
+        self.assertLess(mean_difference(better.body, truth.body), mean_difference(first.body, truth.body))
+        listed = json.loads(d.get("/v1/cells").body)
+        panels = [p for c in listed["cells"] for p in c["panels"]]
+        self.assertGreater(listed["shadow_pages"], 0)
+        self.assertEqual(len(panels), listed["panels"])
+        self.assertLessEqual({p["layer"] for p in panels}, {"crowns", "ground"})
+        refined = [p["state"] for p in panels].count("refined")
+        self.assertEqual(refined + listed["shadow_pages"], d.metric("cells_refined_total"))
+        self.assertEqual(d.get(target(relief="off", **walk)).body, direct.body)
+        self.assertEqual(self.ask(d, 4, 128, **walk).body, better.body)
+        self.assertEqual(d.metric("cells_jobs_refine"), 0, "nothing is left to do")
+        self.assertEqual(d.request("DELETE", "/v1/cells", headers=ADMIN).status, 204)
+        again = self.ask(d, 1, 128, **walk)
+        self.assertEqual((cell(again)[0], again.body == first.body), ("built", True))
+        self.assertEqual(json.loads(d.get("/v1/cells").body)["shadow_pages"], 0)
+
     def test_never_without_samples(self):
         d = self.start(refine_samples=0)
         self.assertEqual(cell(self.ask(d, 5))[2], "drawn")

@@ -184,8 +184,8 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
         *cpu_ms = clock_ms(CLOCK_PROCESS_CPUTIME_ID) - cpu_since;
 }
 
-uint32_t forest_refine(const struct forest *forest, const struct sv_view_request *request, int samples, int scale,
-                       bool shadows_alone, double *cpu_ms)
+uint32_t forest_refine(const struct forest *forest, const struct sv_view_request *request, int samples,
+                       int scale, bool shadows_alone, double *cpu_ms)
 {
     struct sv_error error = {0};
     struct sv_resolved_view view;

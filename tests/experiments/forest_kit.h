@@ -40,8 +40,8 @@ void forest_draw(const struct forest *forest, const struct sv_view_request *requ
                  struct sv_draw_stats *stats, double *ms, double *cpu_ms);
 /* Draws the panels that the request (relief=on, drawn before) is drawn from again from the truth
  * (cells_refine.h); how many; cpu_ms may be NULL. */
-uint32_t forest_refine(const struct forest *forest, const struct sv_view_request *request, int samples, int scale,
-                       bool shadows_alone, double *cpu_ms);
+uint32_t forest_refine(const struct forest *forest, const struct sv_view_request *request, int samples,
+                       int scale, bool shadows_alone, double *cpu_ms);
 /* Of the last forest_draw, ms; negative: the stage did not run. */
 double forest_stage_ms(enum sv_stage stage);
 /* The colour of 64 samples a pixel, ray cast; kept in the store by scene, camera and sun. */

@@ -555,7 +555,8 @@ static void a_refined_version_replaces_in_place(void **state)
 }
 
 /* Generation 2 came to nothing: what it dropped is gone, the rest is found, and 1 may build again. */
-/* Who has a copy asks whether it is still the panel that is found: by its serial, and only when anything changed. */
+/* Who has a copy asks whether it is still the panel that is found: by its serial, and only when anything
+ * changed. */
 static void copies_are_told_from_what_is_there(void **state)
 {
     (void)state;
@@ -568,20 +569,23 @@ static void copies_are_told_from_what_is_there(void **state)
     cache = make(64, 8, &memory, &bytes);
     assert_int_equal(sv_cell_cache_serial(cache, 7, 0, 0), 0);
     changes = sv_cell_cache_changes(cache);
-    assert_int_equal(sv_cell_cache_reserve(cache, 2, &label, PAGE, false, 0, 0, &first), SV_CELL_CACHE_GRANTED);
+    assert_int_equal(sv_cell_cache_reserve(cache, 2, &label, PAGE, false, 0, 0, &first),
+                     SV_CELL_CACHE_GRANTED);
     assert_int_equal(sv_cell_cache_serial(cache, 7, 0, 0), 0); /* nobody finds it yet */
     assert_true(sv_cell_cache_commit(cache, 2, &first, PAGE, 5, 0));
     assert_int_not_equal(sv_cell_cache_changes(cache), changes);
     changes = sv_cell_cache_changes(cache);
     sv_cell_cache_stats(cache, &before);
     assert_int_equal(sv_cell_cache_serial(cache, 7, 0, 0), first.serial);
-    assert_int_equal(sv_cell_cache_serial(cache, 7, 1, 0), 0); /* of a generation that the cache does not know */
+    assert_int_equal(sv_cell_cache_serial(cache, 7, 1, 0),
+                     0); /* of a generation that the cache does not know */
     assert_int_equal(sv_cell_cache_serial(cache, 8, 0, 0), 0);
     assert_true(sv_cell_cache_unpin(cache, 2, &first));
     sv_cell_cache_stats(cache, &after);
     assert_true(before.hits == after.hits && before.misses == after.misses && after.pinned_bytes == 0);
     assert_int_equal(sv_cell_cache_changes(cache), changes);
-    assert_int_equal(sv_cell_cache_reserve(cache, 2, &label, PAGE, true, 0, 0, &better), SV_CELL_CACHE_GRANTED);
+    assert_int_equal(sv_cell_cache_reserve(cache, 2, &label, PAGE, true, 0, 0, &better),
+                     SV_CELL_CACHE_GRANTED);
     assert_true(sv_cell_cache_commit(cache, 2, &better, PAGE, 5, 0));
     assert_int_equal(sv_cell_cache_serial(cache, 7, 0, 0), better.serial);
     assert_int_not_equal(sv_cell_cache_changes(cache), changes);
@@ -710,6 +714,6 @@ int main(void)
                                        cmocka_unit_test(blocks_are_made_and_opened),
                                        cmocka_unit_test(two_mappings_are_one_cache),
                                        cmocka_unit_test(copies_are_told_from_what_is_there),
-        cmocka_unit_test(a_change_that_came_to_nothing_is_turned_back)};
+                                       cmocka_unit_test(a_change_that_came_to_nothing_is_turned_back)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

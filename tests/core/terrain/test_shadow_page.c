@@ -314,8 +314,8 @@ static int grey_of(const struct sv_shadow_pages *pages, uint32_t at)
     return sv_shadow_pages_light(pages)[at + SIDE * SIDE / 2];
 }
 
-/* Of all sets of pages that a source may have of one column of levels: the finest that it has of the wanted level or
- * above is taken, or what is built, by the definition. */
+/* Of all sets of pages that a source may have of one column of levels: the finest that it has of the wanted
+ * level or above is taken, or what is built, by the definition. */
 static void the_finest_there_is(void **state)
 {
     (void)state;
@@ -350,8 +350,8 @@ static void the_finest_there_is(void **state)
     sv_shadow_pages_destroy(pages);
 }
 
-/* What the source says is asked for once a version; what it has no longer, or has anew, is followed; who uses no
- * source never sees it. */
+/* What the source says is asked for once a version; what it has no longer, or has anew, is followed; who uses
+ * no source never sees it. */
 static void follows_its_source(void **state)
 {
     (void)state;
@@ -394,7 +394,8 @@ static void follows_its_source(void **state)
     assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 2, 2, &found)), 78);
     assert_int_equal(found, 0);
     sv_shadow_pages_use(pages, &plain);
-    assert_memory_equal(built, sv_shadow_pages_light(pages) + sv_shadow_pages_want(pages, 0, 1, 1), sizeof built);
+    assert_memory_equal(built, sv_shadow_pages_light(pages) + sv_shadow_pages_want(pages, 0, 1, 1),
+                        sizeof built);
     had_count = 0;
     s = refined_scene(6);
     sv_shadow_pages_use(pages, &s);
@@ -403,8 +404,8 @@ static void follows_its_source(void **state)
     sv_shadow_pages_destroy(pages);
 }
 
-/* Pages that come and go by the hundred, refined ones among built ones: what is given back is right, and a page that
- * was emptied is room again. */
+/* Pages that come and go by the hundred, refined ones among built ones: what is given back is right, and a
+ * page that was emptied is room again. */
 static void refined_pages_give_way_too(void **state)
 {
     (void)state;
@@ -414,7 +415,8 @@ static void refined_pages_give_way_too(void **state)
         had_count = 0;
         for (int k = 0; k < 64; k++)
             if (sv_rng_next(&rng) % 2)
-                had[had_count++] = (struct had){-2, k, 3, 1 + version % 3, (uint8_t)(k + 100 * (version % 3 == 1))};
+                had[had_count++] =
+                    (struct had){-2, k, 3, 1 + version % 3, (uint8_t)(k + 100 * (version % 3 == 1))};
         struct sv_shadow_scene s = refined_scene(version);
         s.casters[1].cast = NULL; /* quickly built */
         s.refined.version = version;
@@ -462,7 +464,8 @@ static void wishes_are_noted(void **state)
     sv_shadow_pages_destroy(pages);
 }
 
-/* The rule of what is dropped against points of the box, thrown along the light to heights at which ground is. */
+/* The rule of what is dropped against points of the box, thrown along the light to heights at which ground
+ * is. */
 static void what_a_shadow_falls_on(void **state)
 {
     (void)state;

@@ -1,5 +1,5 @@
-/* test_sunlight.c - sunlight on the ground texel by texel, against geometry in closed form, sample by sample: a sheet
- * of known size on a stem of no width over flat ground, whole or masked. */
+/* test_sunlight.c - sunlight on the ground texel by texel, against geometry in closed form, sample by sample:
+ * a sheet of known size on a stem of no width over flat ground, whole or masked. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -30,8 +30,8 @@ static int in_shadow(double x, double y, struct sv_vec3 sun, double rotation, bo
     return edge < 0 && (!masked || at.x < 0);
 }
 
-static void sheet_case(double azimuth_deg, double elevation_deg, double rotation_deg, bool masked, double texel_m,
-                       int samples)
+static void sheet_case(double azimuth_deg, double elevation_deg, double rotation_deg, bool masked,
+                       double texel_m, int samples)
 {
     struct sv_scene *scene = sheet_kit_flat_scene();
     struct sv_tree *tree = sv_arena_alloc(scene->arena, 1, sizeof *tree);
@@ -49,8 +49,13 @@ static void sheet_case(double azimuth_deg, double elevation_deg, double rotation
     /* About the middle of the shadow, from a corner far off, as pages count. */
     double x0 = 600000.5, y0 = 3999999.25, mx = CX - sun.x / sun.z * HEIGHT, my = CY - sun.y / sun.z * HEIGHT;
     int i0 = (int)((mx - x0) / texel_m) - SIDE / 2, j0 = (int)((my - y0) / texel_m) - SIDE / 2;
-    struct sv_truth_lattice lattice = {
-        .x0 = x0, .y0 = y0, .texel_m = texel_m, .first = i0, .count = SIDE, .samples = samples, .trees = true};
+    struct sv_truth_lattice lattice = {.x0 = x0,
+                                       .y0 = y0,
+                                       .texel_m = texel_m,
+                                       .first = i0,
+                                       .count = SIDE,
+                                       .samples = samples,
+                                       .trees = true};
     long told = 0, partly = 0, dark = 0;
     for (int j = 0; j < SIDE; j++) {
         uint8_t row[SIDE], bare[SIDE];
@@ -75,7 +80,8 @@ static void sheet_case(double azimuth_deg, double elevation_deg, double rotation
             partly += shaded > 0 && shaded < samples;
             dark += shaded == samples;
             if (row[i] != (int)lrint(255.0 * (samples - shaded) / samples))
-                fail_msg("texel %d, %d: %d of 255, %d of %d samples are in shadow", i, j, row[i], shaded, samples);
+                fail_msg("texel %d, %d: %d of 255, %d of %d samples are in shadow", i, j, row[i], shaded,
+                         samples);
         }
     }
     print_message("%ld texels, %ld dark, %ld partly\n", told, dark, partly);

@@ -335,8 +335,8 @@ static size_t list_shadows(const struct drawer *d, struct sv_cell_cache_item ite
     return shadows;
 }
 
-/* As many as `were` pages of shadow, but for those that the change shows on; pictures are those of a process that has
- * drawn nothing yet and, once all is refined again, those of a cache that was empty. */
+/* As many as `were` pages of shadow, but for those that the change shows on; pictures are those of a process
+ * that has drawn nothing yet and, once all is refined again, those of a cache that was empty. */
 static void check_refined(struct sv_scene *scene, struct drawer *warm, size_t were)
 {
     static struct sv_cell_cache_item items[ITEMS];
@@ -382,9 +382,9 @@ static void refined_shadows_follow_patches(void **state)
     size_t were = list_shadows(&warm, items);
     assert_true(were > 20);
     /* Twice, so that the truth is changed in place and made anew. */
-    struct sv_scene_change c = patch_kit_patch(
-        scene, warm.renderer,
-        "{\"trees\":{\"add\":[{\"x\":112,\"y\":85,\"species\":\"oak\",\"height_m\":5}]}}");
+    struct sv_scene_change c =
+        patch_kit_patch(scene, warm.renderer,
+                        "{\"trees\":{\"add\":[{\"x\":112,\"y\":85,\"species\":\"oak\",\"height_m\":5}]}}");
     check_refined(scene, &warm, were);
     were = list_shadows(&warm, items);
     refine(scene, &warm);
