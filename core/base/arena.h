@@ -2,7 +2,8 @@
  *
  * An arena reserves address space backed by a memfd; pages cost memory only when touched. The scene process
  * allocates into it while it loads, seals it, and forks: the pages are shared by all workers and cannot be
- * written by mistake. Nothing is freed one by one. One process, one thread while it fills. */
+ * written by mistake. Nothing is freed one by one. From 2 MiB on they are large pages where the system has
+ * some to give. One process, one thread while it fills. */
 #ifndef SV_BASE_ARENA_H
 #define SV_BASE_ARENA_H
 
@@ -12,7 +13,7 @@
 
 struct sv_arena;
 
-/* Reserves reserve_bytes (rounded up to pages; 1 .. 2^40). SV_ENOMEM when address space or memfd is refused.
+/* Reserves reserve_bytes (rounded up to pages, from 2 MiB on to large ones; 1 .. 2^40). SV_ENOMEM when address space or memfd is refused.
  */
 SV_MUST_CHECK enum sv_status sv_arena_create(size_t reserve_bytes, struct sv_arena **arena,
                                              struct sv_error *error);

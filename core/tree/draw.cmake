@@ -11,7 +11,7 @@ add_library(
   indirect.c indirect_save.c draw_indirect.c
   density.c density_sample.c density_paper.c density_plain.c density_save.c density_look.c density_twin.c density_tune.c
   draw_density.c
-  shade.c shade_outline.c shade_stand.c shade_pass.c shade_pass_avx2.c shade_cast.c
+  shade.c shade_outline.c shade_stand.c shade_again.c shade_pass.c shade_pass_avx2.c shade_cast.c
   draw_mixed.c sprite.c sprite_band.c sprite_atlas.c sprite_bake.c sprite_setup.c sprite_kernel.c sprite_kernel_avx2.c sprite_resolve.c
   sprite_resolve_avx2.c)
 set_source_files_properties(shade_pass_avx2.c sprite_kernel_avx2.c sprite_resolve_avx2.c PROPERTIES COMPILE_OPTIONS "${SV_AVX2_OPTIONS}")

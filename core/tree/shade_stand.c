@@ -12,8 +12,7 @@
  * The picture is kept in tiles, only where trees are, at a resolution that fits trees; where that would take
  * more than TILES_MAX tiles it is halved, which blurs outlines but keeps the amount of shade. Its lattice is
  * that of the world's origin, its texel one of a few a doubling: trees that come and go leave both as they
- * are. So a change takes only the trees again that touch a tile which a changed tree touches, on tiles of
- * which everything that falls there is taken again, and what is found is the same as if all had been. The
+ * are, and a change is taken up where it falls alone (shade_again.c). The
  * terrain's shadow is total below its height at the foot. */
 #include <math.h>
 #include <stdlib.h>
@@ -21,10 +20,10 @@
 
 #include "core/base/simd.h"
 #include "core/tree/draw_cull.h"
+#include "core/tree/shade_canvas.h"
 #include "core/tree/shade_pass.h"
-#include "core/tree/shade_private.h"
 
-enum { TILE = 64, TILE_TEXELS = TILE * TILE, TILES_MAX = 2048, GRID_MAX = 1 << 22, COLUMNS_MAX = 1024 };
+enum { TILE_BITS = 6, TILES_MAX = 2048, COLUMNS_MAX = 1024 };
 
 static const double TEXELS_A_TREE = 12; /* along the mean tree, up to a step of sizes */
 static const double TEXELS_MAX = 384;   /* along the tallest, the same */
@@ -34,46 +33,29 @@ static const double ORDER_RATIO = 0.25;
 static const float BARE_WEIGHT =
     0.02f; /* of a texel that the tree itself leaves open: answers for bare parts */
 
-struct canvas {
-    double texel;           /* m; texel (i, j) of the lattice covers [i, i + 1] x [j, j + 1] of them */
-    int64_t tile_x, tile_y; /* the first tile's place among the lattice's tiles */
-    uint32_t tiles_x, tiles_y, tiles;
-    uint32_t *tile;  /* heap: index of the tile's texels + 1; 0: no tree is there */
-    uint16_t *light; /* heap: share of light left, * SV_SHADE_FULL */
-};
-
-/* A tree on the light's plane: foot, m from the world's origin. */
-struct spot {
-    double x, y;
-};
-
-static struct spot spot_of(const struct sv_shade_axes *axes, const struct sv_tree *tree)
+struct sv_shade_spot sv_shade_spot_of(const struct sv_shade_axes *axes, const struct sv_tree *tree)
 {
     struct sv_vec3 p = sv_vec3(tree->x, tree->y, tree->z);
-    return (struct spot){sv_dot(p, axes->right), sv_dot(p, axes->up)};
+    return (struct sv_shade_spot){sv_dot(p, axes->right), sv_dot(p, axes->up)};
 }
 
-struct bounds {
-    double x0, y0, x1, y1;
-};
-
-static struct bounds tree_bounds(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
-                                 const struct sv_tree *tree)
+struct sv_shade_bounds sv_shade_tree_bounds(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
+                                            const struct sv_tree *tree)
 {
     const struct sv_shade_view *view = &sun->views[shade->owner[tree->species]];
-    struct spot at = spot_of(&sun->axes, tree);
+    struct sv_shade_spot at = sv_shade_spot_of(&sun->axes, tree);
     double h = (double)tree->height_m, reach = h * (double)view->reach;
-    return (struct bounds){at.x - reach, at.y + h * (double)view->bottom, at.x + reach,
-                           at.y + h * (double)view->top};
+    return (struct sv_shade_bounds){at.x - reach, at.y + h * (double)view->bottom, at.x + reach,
+                                    at.y + h * (double)view->top};
 }
 
 /* ---- the canvas ---- */
 
-static struct bounds forest_bounds(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun)
+static struct sv_shade_bounds forest_bounds(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun)
 {
-    struct bounds all = {INFINITY, INFINITY, -INFINITY, -INFINITY};
+    struct sv_shade_bounds all = {INFINITY, INFINITY, -INFINITY, -INFINITY};
     for (uint32_t k = 0; k < shade->forest->count; k++) {
-        struct bounds b = tree_bounds(shade, sun, &shade->forest->trees[k]);
+        struct sv_shade_bounds b = sv_shade_tree_bounds(shade, sun, &shade->forest->trees[k]);
         all.x0 = fmin(all.x0, b.x0);
         all.y0 = fmin(all.y0, b.y0);
         all.x1 = fmax(all.x1, b.x1);
@@ -94,10 +76,10 @@ static uint32_t held_tile(double v, int64_t first, uint32_t count)
 }
 
 /* False: none of them is on the canvas. */
-static bool span_of(const struct canvas *c, const struct bounds *b, struct span *span)
+static bool span_of(const struct sv_shade_canvas *c, const struct sv_shade_bounds *b, struct span *span)
 {
-    double tile = c->texel * TILE, x0 = (b->x0 - c->texel) / tile, x1 = (b->x1 + c->texel) / tile,
-           y0 = (b->y0 - c->texel) / tile, y1 = (b->y1 + c->texel) / tile;
+    double tile = c->texel * (1 << c->tile_bits), x0 = (b->x0 - c->texel) / tile,
+           x1 = (b->x1 + c->texel) / tile, y0 = (b->y0 - c->texel) / tile, y1 = (b->y1 + c->texel) / tile;
     if (!(x1 >= (double)c->tile_x && x0 < (double)c->tile_x + c->tiles_x && y1 >= (double)c->tile_y &&
           y0 < (double)c->tile_y + c->tiles_y))
         return false;
@@ -108,12 +90,12 @@ static bool span_of(const struct canvas *c, const struct bounds *b, struct span 
 
 /* Numbers the tiles that trees touch; their count, or TILES_MAX + 1 where there are more. */
 static uint32_t number_tiles(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
-                             struct canvas *c)
+                             struct sv_shade_canvas *c)
 {
     memset(c->tile, 0, (size_t)c->tiles_x * c->tiles_y * sizeof *c->tile);
     uint32_t made = 0;
     for (uint32_t k = 0; k < shade->forest->count; k++) {
-        struct bounds b = tree_bounds(shade, sun, &shade->forest->trees[k]);
+        struct sv_shade_bounds b = sv_shade_tree_bounds(shade, sun, &shade->forest->trees[k]);
         struct span s;
         if (!span_of(c, &b, &s))
             continue;
@@ -130,7 +112,7 @@ static uint32_t number_tiles(const struct sv_tree_shade *shade, const struct sv_
     return made;
 }
 
-static double tallest(const struct sv_forest *forest)
+double sv_shade_tallest(const struct sv_forest *forest)
 {
     float height = 0;
     for (uint32_t k = 0; k < forest->count; k++)
@@ -139,24 +121,26 @@ static double tallest(const struct sv_forest *forest)
 }
 
 /* The texel that fits the forest: of a few sizes, so that single trees do not change it. */
-static double fitting_texel(const struct sv_tree_shade *shade)
+double sv_shade_fitting_texel(const struct sv_tree_shade *shade)
 {
-    double texel = fmax((double)shade->height_mean / TEXELS_A_TREE, tallest(shade->forest) / TEXELS_MAX);
+    double texel =
+        fmax((double)shade->height_mean / TEXELS_A_TREE, sv_shade_tallest(shade->forest) / TEXELS_MAX);
     return exp2(round(log2(texel) * TEXEL_STEPS) / TEXEL_STEPS);
 }
 
-static void lay_out(const struct bounds *b, double texel, struct canvas *c)
+void sv_shade_lay_out(const struct sv_shade_bounds *b, double texel, int tile_bits, struct sv_shade_canvas *c)
 {
-    double tile = texel * TILE, x0 = floor((b->x0 - 2 * texel) / tile),
+    double tile = texel * (1 << tile_bits), x0 = floor((b->x0 - 2 * texel) / tile),
            y0 = floor((b->y0 - 2 * texel) / tile);
     c->texel = texel;
+    c->tile_bits = tile_bits;
     c->tile_x = (int64_t)x0;
     c->tile_y = (int64_t)y0;
     c->tiles_x = (uint32_t)fmin((b->x1 + 2 * texel) / tile - x0 + 1, 1e9);
     c->tiles_y = (uint32_t)fmin((b->y1 + 2 * texel) / tile - y0 + 1, 1e9);
 }
 
-static enum sv_status alloc_tiles(struct canvas *c, struct sv_error *error)
+enum sv_status sv_shade_alloc_tiles(struct sv_shade_canvas *c, struct sv_error *error)
 {
     c->tile = calloc((size_t)c->tiles_x * c->tiles_y, sizeof *c->tile);
     return c->tile ? SV_OK
@@ -164,9 +148,9 @@ static enum sv_status alloc_tiles(struct canvas *c, struct sv_error *error)
                              c->tiles_y);
 }
 
-static enum sv_status alloc_light(struct canvas *c, struct sv_error *error)
+enum sv_status sv_shade_alloc_light(struct sv_shade_canvas *c, struct sv_error *error)
 {
-    size_t texels = (size_t)c->tiles * TILE_TEXELS;
+    size_t texels = (size_t)c->tiles << 2 * c->tile_bits;
     c->light = malloc(texels * sizeof *c->light + 1);
     if (!c->light)
         return sv_fail(error, SV_ENOMEM, "trees", "no memory for %zu texels of light", texels);
@@ -175,21 +159,21 @@ static enum sv_status alloc_light(struct canvas *c, struct sv_error *error)
 }
 
 static enum sv_status canvas_init(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
-                                  double texel, struct canvas *c, struct sv_error *error)
+                                  double texel, struct sv_shade_canvas *c, struct sv_error *error)
 {
-    struct bounds b = forest_bounds(shade, sun);
-    lay_out(&b, texel, c);
-    while ((uint64_t)c->tiles_x * c->tiles_y > GRID_MAX)
-        lay_out(&b, c->texel * 2, c);
-    enum sv_status status = alloc_tiles(c, error);
+    struct sv_shade_bounds b = forest_bounds(shade, sun);
+    sv_shade_lay_out(&b, texel, TILE_BITS, c);
+    while ((uint64_t)c->tiles_x * c->tiles_y > SV_SHADE_GRID_MAX)
+        sv_shade_lay_out(&b, c->texel * 2, TILE_BITS, c);
+    enum sv_status status = sv_shade_alloc_tiles(c, error);
     if (status)
         return status;
     while ((c->tiles = number_tiles(shade, sun, c)) > TILES_MAX)
-        lay_out(&b, c->texel * 2, c);
-    return alloc_light(c, error);
+        sv_shade_lay_out(&b, c->texel * 2, TILE_BITS, c);
+    return sv_shade_alloc_light(c, error);
 }
 
-static void canvas_finish(struct canvas *c)
+void sv_shade_canvas_finish(struct sv_shade_canvas *c)
 {
     free(c->tile);
     free(c->light);
@@ -202,17 +186,9 @@ struct kernel {
     sv_shade_mix *mix;
 };
 
-/* A tree's outline on the canvas: texels [i0, i1) x [j0, j1), and for each the place in the silhouette. */
-struct print {
-    const struct sv_silhouette *level;
-    int i0, i1, j0, j1;
-    float u0, v0, step; /* silhouette coordinates (texel centres at whole numbers) of texel (i0, j0) */
-    float row0, rows;   /* grid coordinate of texel j0, and a texel */
-    float thin; /* what coverage is multiplied by: a tree of less than a texel is drawn larger and thinner */
-};
-
-static bool print_init(const struct canvas *c, const struct sv_shade_view *view,
-                       const struct sv_shade_outline *o, struct spot at, double h, struct print *p)
+bool sv_shade_print_init(const struct sv_shade_canvas *c, const struct sv_shade_view *view,
+                         const struct sv_shade_outline *o, struct sv_shade_spot at, double h,
+                         struct sv_shade_print *p)
 {
     if (o->levels == 0)
         return false;
@@ -233,7 +209,7 @@ static bool print_init(const struct canvas *c, const struct sv_shade_view *view,
     width *= grow;
     height *= grow;
     double i0 = floor((left - 0.5 * texel) / c->texel), j0 = floor((top - height - 0.5 * texel) / c->texel);
-    double first_x = (double)(c->tile_x * TILE), first_y = (double)(c->tile_y * TILE);
+    double first_x = (double)(c->tile_x << c->tile_bits), first_y = (double)(c->tile_y << c->tile_bits);
     p->i0 = (int)(i0 - first_x);
     p->i1 = (int)(ceil((left + width + 0.5 * texel) / c->texel) - first_x);
     p->j0 = (int)(j0 - first_y);
@@ -262,7 +238,7 @@ struct columns {
     float part[COLUMNS_MAX], bare[COLUMNS_MAX];
 };
 
-static void columns_init(const struct print *p, struct columns *columns)
+static void columns_init(const struct sv_shade_print *p, struct columns *columns)
 {
     float last = (float)p->level->width;
     columns->first = p->i0 & ~(SV_SHADE_LANES - 1); /* rounded down, left of the canvas too */
@@ -278,7 +254,7 @@ static void columns_init(const struct print *p, struct columns *columns)
 }
 
 /* Row j of the print: the silhouette's two rows mixed, nothing around it. */
-static void mix_row(const struct kernel *kernel, const struct print *p, int j,
+static void mix_row(const struct kernel *kernel, const struct sv_shade_print *p, int j,
                     float mixed[SV_OUTLINE_SIDE + 2])
 {
     static const uint8_t nothing[SV_OUTLINE_SIDE];
@@ -294,30 +270,32 @@ static void mix_row(const struct kernel *kernel, const struct print *p, int j,
 
 /* Row j, in runs that lie in one tile, from column begin to last - 1 of the columns, which are on the canvas.
  */
-static void pass_row(const struct kernel *kernel, struct canvas *c, const struct columns *columns, int begin,
-                     int last, int j, bool far, const float *mixed, struct sv_shade_cell *cell)
+static void pass_row(const struct kernel *kernel, struct sv_shade_canvas *c, const struct columns *columns,
+                     int begin, int last, int j, bool far, const float *mixed, struct sv_shade_cell *cell)
 {
-    const uint32_t *tiles = c->tile + (size_t)(j / TILE) * c->tiles_x;
+    const int bits = c->tile_bits, inside = (1 << bits) - 1;
+    const uint32_t *tiles = c->tile + (size_t)(j >> bits) * c->tiles_x;
     for (int i = begin; i < last;) {
-        int at = columns->first + i, end = (at / TILE + 1) * TILE - columns->first;
+        int at = columns->first + i, end = (at | inside) + 1 - columns->first;
         end = end < last ? end : last;
-        uint32_t tile = tiles[at / TILE];
+        uint32_t tile = tiles[at >> bits];
         const struct sv_shade_row row = {columns->left + i, columns->part + i, columns->bare + i, mixed,
                                          end - i};
         if (tile > 0)
             kernel->pass(&row, far,
-                         c->light + (size_t)(tile - 1) * TILE_TEXELS + (size_t)(j % TILE) * TILE + at % TILE,
+                         c->light + ((size_t)(tile - 1) << 2 * bits) + ((size_t)(j & inside) << bits) +
+                             (at & inside),
                          cell);
         i = end;
     }
 }
 
-static void pass_half(const struct kernel *kernel, struct canvas *c, const struct print *p, bool far,
-                      struct sv_shade_cell cells[SV_SHADE_ROWS])
+static void pass_half(const struct kernel *kernel, struct sv_shade_canvas *c, const struct sv_shade_print *p,
+                      bool far, struct sv_shade_cell cells[SV_SHADE_ROWS])
 {
     float mixed[SV_OUTLINE_SIDE + 2];
     struct columns across;
-    int rows = (int)c->tiles_y * TILE, columns = (int)c->tiles_x * TILE;
+    int rows = (int)c->tiles_y << c->tile_bits, columns = (int)c->tiles_x << c->tile_bits;
     int j0 = p->j0 > 0 ? p->j0 : 0, j1 = p->j1 < rows ? p->j1 : rows;
     columns_init(p, &across);
     int begin = across.first > 0 ? 0 : -across.first, end = columns - across.first;
@@ -370,9 +348,9 @@ static void put_light(const struct sv_shade_cell cells[SV_SHADE_ROWS], const flo
 
 /* Halves of `count` trees (which[k], or k where which is NULL), in the order in which light reaches them;
  * entry.tree: 2 * tree, + 1: the far half. */
-static enum sv_status order(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
-                            const uint32_t *which, uint32_t count, struct sv_cull_entry **entries,
-                            struct sv_cull_entry **block, struct sv_error *error)
+enum sv_status sv_shade_order(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
+                              const uint32_t *which, uint32_t count, struct sv_cull_entry **entries,
+                              struct sv_cull_entry **block, struct sv_error *error)
 {
     struct sv_cull_entry *made = malloc(4 * ((size_t)count + 1) * sizeof *made);
     if (!made)
@@ -395,9 +373,9 @@ static enum sv_status order(const struct sv_tree_shade *shade, const struct sv_s
 }
 
 /* Light passes the halves one after the other; wanted (NULL: all): whose light is written down. */
-static void pass(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
-                 const struct sv_shade_terrain *terrain, struct canvas *canvas,
-                 const struct sv_cull_entry *entries, uint32_t count, const uint8_t *wanted)
+void sv_shade_pass_halves(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
+                          const struct sv_shade_terrain *terrain, struct sv_shade_canvas *canvas,
+                          const struct sv_cull_entry *entries, uint32_t count, const uint8_t *wanted)
 {
     bool wide = sv_simd_level() >= SV_SIMD_AVX2;
     const struct kernel kernel = {wide ? sv_shade_pass_avx2 : sv_shade_pass_scalar,
@@ -408,10 +386,10 @@ static void pass(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
         const struct sv_tree *tree = &shade->forest->trees[index];
         const struct sv_shade_view *view = &sun->views[shade->owner[tree->species]];
         struct sv_shade_cell cells[SV_SHADE_ROWS] = {{{0}, {0}}};
-        struct print print;
+        struct sv_shade_print print;
         float lit[SV_SHADE_ROWS];
-        if (print_init(canvas, view, &view->turn[sv_shade_turn(tree->rotation_rad)],
-                       spot_of(&sun->axes, tree), (double)tree->height_m, &print))
+        if (sv_shade_print_init(canvas, view, &view->turn[sv_shade_turn(tree->rotation_rad)],
+                                sv_shade_spot_of(&sun->axes, tree), (double)tree->height_m, &print))
             pass_half(&kernel, canvas, &print, far, cells);
         if (wanted && !wanted[index])
             continue;
@@ -423,166 +401,22 @@ static void pass(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
 enum sv_status sv_shade_stand(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
                               const struct sv_shade_terrain *terrain, struct sv_error *error)
 {
-    struct canvas canvas = {0};
+    struct sv_shade_canvas canvas = {0};
     struct sv_cull_entry *entries = NULL, *block = NULL;
     uint32_t count = shade->forest->count;
     sun->texel = sun->fitted = 0;
     if (count == 0)
         return SV_OK;
-    double fitted = fitting_texel(shade);
+    double fitted = sv_shade_fitting_texel(shade);
     enum sv_status status = canvas_init(shade, sun, fitted, &canvas, error);
     if (!status)
-        status = order(shade, sun, NULL, count, &entries, &block, error);
+        status = sv_shade_order(shade, sun, NULL, count, &entries, &block, error);
     if (!status) {
-        pass(shade, sun, terrain, &canvas, entries, 2 * count, NULL);
+        sv_shade_pass_halves(shade, sun, terrain, &canvas, entries, 2 * count, NULL);
         sun->texel = canvas.texel;
         sun->fitted = fitted;
     }
     free(block);
-    canvas_finish(&canvas);
-    return status;
-}
-
-/* ---- a change ---- */
-
-enum { CHANGED = 1, AGAIN = 2 };
-
-/* Does a tree touch a tile of the kind? Marks its tiles with `mark`. */
-static bool touches(struct canvas *c, const struct bounds *b, uint32_t kind, uint32_t mark)
-{
-    struct span s;
-    bool any = false;
-    if (!span_of(c, b, &s))
-        return false;
-    for (uint32_t y = s.y0; y <= s.y1 && !any; y++)
-        for (uint32_t x = s.x0; x <= s.x1 && !any; x++)
-            any = c->tile[(size_t)y * c->tiles_x + x] & kind;
-    for (uint32_t y = s.y0; y <= s.y1 && any && mark; y++)
-        for (uint32_t x = s.x0; x <= s.x1; x++)
-            c->tile[(size_t)y * c->tiles_x + x] |= mark;
-    return any;
-}
-
-/* The part of the lattice that a change can reach: tiles that changed trees touch, and a tree's width about
- * them. */
-static void reach_of_change(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun,
-                            const struct sv_tree *const lists[2], const uint32_t counts[2], struct canvas *c)
-{
-    struct bounds all = {INFINITY, INFINITY, -INFINITY, -INFINITY};
-    double across = 0, up = 0;
-    for (int l = 0; l < 2; l++)
-        for (uint32_t k = 0; k < counts[l]; k++) {
-            struct bounds b = tree_bounds(shade, sun, &lists[l][k]);
-            all.x0 = fmin(all.x0, b.x0);
-            all.y0 = fmin(all.y0, b.y0);
-            all.x1 = fmax(all.x1, b.x1);
-            all.y1 = fmax(all.y1, b.y1);
-        }
-    for (int k = 0; k < shade->species_count; k++) {
-        const struct sv_shade_view *v = &sun->views[shade->owner[k]];
-        across = fmax(across, 2 * (double)v->reach);
-        up = fmax(up, (double)v->top - (double)v->bottom);
-    }
-    double tall = tallest(shade->forest), tile = sun->texel * TILE;
-    across = across * tall + 2 * tile;
-    up = up * tall + 2 * tile;
-    lay_out(&(struct bounds){all.x0 - across, all.y0 - up, all.x1 + across, all.y1 + up}, sun->texel, c);
-}
-
-/* Trees whose light is found again (wanted), and those that fall on the same tiles (which, *count). */
-static void choose_trees(const struct sv_tree_shade *shade, const struct sv_shade_sun *sun, struct canvas *c,
-                         uint8_t *wanted, uint32_t *which, uint32_t *count)
-{
-    const struct sv_forest *forest = shade->forest;
-    for (uint32_t k = 0; k < forest->count; k++) {
-        struct bounds b = tree_bounds(shade, sun, &forest->trees[k]);
-        wanted[k] = touches(c, &b, CHANGED, AGAIN);
-    }
-    *count = 0;
-    for (uint32_t k = 0; k < forest->count; k++) {
-        struct bounds b = tree_bounds(shade, sun, &forest->trees[k]);
-        if (touches(c, &b, AGAIN, 0))
-            which[(*count)++] = k;
-    }
-    c->tiles = 0;
-    for (size_t k = 0; k < (size_t)c->tiles_x * c->tiles_y; k++)
-        c->tile[k] = c->tile[k] & AGAIN ? ++c->tiles : 0;
-}
-
-static enum sv_status take_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
-                                 const struct sv_shade_terrain *terrain, const struct sv_tree *const lists[2],
-                                 const uint32_t counts[2], struct canvas *c, uint32_t most, bool *left,
-                                 struct sv_error *error)
-{
-    size_t trees = shade->forest->count;
-    uint8_t *wanted = malloc(trees);
-    uint32_t *which = malloc(trees * sizeof *which), count;
-    struct sv_cull_entry *entries = NULL, *block = NULL;
-    enum sv_status status = alloc_tiles(c, error);
-    if (!status && (!wanted || !which))
-        status = sv_fail(error, SV_ENOMEM, "trees", "no memory to choose among %zu trees", trees);
-    for (int l = 0; l < 2 && !status; l++)
-        for (uint32_t k = 0; k < counts[l]; k++) {
-            struct bounds b = tree_bounds(shade, sun, &lists[l][k]);
-            struct span s;
-            for (uint32_t y = span_of(c, &b, &s) ? s.y0 : UINT32_MAX; y <= s.y1 && y != UINT32_MAX; y++)
-                for (uint32_t x = s.x0; x <= s.x1; x++)
-                    c->tile[(size_t)y * c->tiles_x + x] |= CHANGED;
-        }
-    if (!status) {
-        choose_trees(shade, sun, c, wanted, which, &count);
-        *left = count > most;
-    }
-    if (!status && !*left)
-        status = alloc_light(c, error);
-    if (!status && !*left)
-        status = order(shade, sun, which, count, &entries, &block, error);
-    if (!status && !*left)
-        pass(shade, sun, terrain, c, entries, 2 * count, wanted);
-    free(block);
-    free(which);
-    free(wanted);
-    return status;
-}
-
-/* All of them are taken again. */
-static enum sv_status stand_anew(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
-                                 const struct sv_shade_terrain *terrain, uint32_t most, bool *left,
-                                 struct sv_error *error)
-{
-    *left = shade->forest->count > most;
-    return *left ? SV_OK : sv_shade_stand(shade, sun, terrain, error);
-}
-
-enum sv_status sv_shade_stand_again(const struct sv_tree_shade *shade, struct sv_shade_sun *sun,
-                                    const struct sv_shade_terrain *terrain, const struct sv_tree *gone,
-                                    uint32_t gone_count, const uint32_t *from, uint32_t most, bool *left,
-                                    struct sv_error *error)
-{
-    uint32_t count = shade->forest->count, came = 0;
-    *left = false;
-    if (count == 0 || sun->fitted != fitting_texel(shade))
-        return stand_anew(shade, sun, terrain, most, left, error);
-    for (uint32_t k = 0; k < count; k++)
-        came += from[k] == SV_FOREST_CAME;
-    struct sv_tree *come = malloc((came + (size_t)1) * sizeof *come);
-    if (!come)
-        return sv_fail(error, SV_ENOMEM, "trees", "no memory for %u trees", came);
-    came = 0;
-    for (uint32_t k = 0; k < count; k++)
-        if (from[k] == SV_FOREST_CAME)
-            come[came++] = shade->forest->trees[k];
-    const struct sv_tree *const lists[2] = {gone, come};
-    const uint32_t counts[2] = {gone_count, came};
-    struct canvas canvas = {0};
-    enum sv_status status = SV_OK;
-    if (came || gone_count) {
-        reach_of_change(shade, sun, lists, counts, &canvas);
-        status = (uint64_t)canvas.tiles_x * canvas.tiles_y > GRID_MAX
-                     ? stand_anew(shade, sun, terrain, most, left, error)
-                     : take_again(shade, sun, terrain, lists, counts, &canvas, most, left, error);
-    }
-    canvas_finish(&canvas);
-    free(come);
+    sv_shade_canvas_finish(&canvas);
     return status;
 }

@@ -24,8 +24,8 @@
 #include "server/scene/worker.h"
 #include "server/wire.h"
 
-/* The last slot is this process's own; a scene and its successor, who share the cache, take turns in the halves of the
- * rest. */
+/* The last slot is this process's own; a scene and its successor, who share the cache, take turns in the
+ * halves of the rest. */
 enum { BUILDER_NICE = 10, FORMS = 32, SLOTS = (SV_CELL_CACHE_SLOTS - 1) / 2 };
 
 static unsigned half; /* of the slots; handed on by fork */
@@ -301,47 +301,58 @@ static bool patch(struct sv_backend *backend, int control_fd)
 
 /* middle: its parent at first, which ends at once, so that the daemon, as the subreaper, is its parent from
  * then on. */
-_Noreturn static void be_successor(struct sv_backend *backend, int control_fd, pid_t middle, pid_t daemon)
+_Noreturn static void be_successor(const struct control *c, int control_fd, pid_t middle, pid_t daemon)
 {
     const struct timespec moment = {.tv_nsec = 100000};
+    const int own[] = {c->fd, c->signal_fd, c->lacks[0], c->lacks[1]};
+    for (size_t k = 0; k < sizeof own / sizeof own[0]; k++)
+        close(own[k]);
     while (getppid() == middle)
         nanosleep(&moment, NULL);
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) || getppid() != daemon)
         _exit(1);
     unsigned threads = sv_control_threads();
     half = 1 - half;
-    _exit(patch(backend, control_fd) ? sv_control_serve(control_fd, backend, threads) : EXIT_FAILURE);
+    _exit(patch(c->backend, control_fd) ? sv_control_serve(control_fd, c->backend, threads) : EXIT_FAILURE);
+}
+
+/* Who was forked, or why nobody was. */
+struct forked {
+    pid_t pid;
+    int error_number;
+};
+
+/* Forks the successor by a process in the middle. That one borrows this one's memory (vfork), as it only
+ * forks and ends: tables of pages of hundreds of megabytes are copied once, not twice, and none are taken
+ * down. While it is there this process stands still; what it wrote to `forked` is here afterwards. */
+static pid_t fork_twice(const struct control *c, int socket, pid_t daemon, volatile struct forked *forked)
+{
+    pid_t first = vfork();
+    if (first == 0) {
+        pid_t middle = getpid(), pid = fork();
+        if (pid == 0)
+            be_successor(c, socket, middle, daemon);
+        forked->error_number = pid < 0 ? errno : 0;
+        forked->pid = pid;
+        _exit(0);
+    }
+    return first;
 }
 
 /* Forks the process that serves the patched scene (copy on write); this one goes on as it is. */
 static void fork_successor(const struct control *c, uint64_t id, int socket)
 {
     union sv_wire_message message;
-    pid_t daemon = getppid(), middle = fork();
-    int fork_error = errno, status;
-    if (middle > 0) {
-        while (waitpid(middle, &status, 0) < 0 && errno == EINTR)
-            ;
-        return;
-    }
-    pid_t pid = middle < 0 ? -1 : getpid();
-    if (middle == 0) {
-        pid_t self = pid;
-        pid = fork();
-        fork_error = errno;
-        if (pid == 0) {
-            const int own[] = {c->fd, c->signal_fd, c->lacks[0], c->lacks[1]};
-            for (size_t k = 0; k < sizeof own / sizeof own[0]; k++)
-                close(own[k]);
-            be_successor(c->backend, socket, self, daemon);
-        }
-    }
+    volatile struct forked forked = {0, 0};
+    pid_t middle = fork_twice(c, socket, getppid(), &forked);
+    if (middle < 0)
+        forked.error_number = errno;
+    while (middle > 0 && waitpid(middle, NULL, 0) < 0 && errno == EINTR)
+        ;
     sv_wire_init(&message, SV_WIRE_FOLLOWED, id);
-    message.followed.pid = pid > 0 ? (int32_t)pid : 0;
-    message.followed.error_number = pid > 0 ? 0 : fork_error;
+    message.followed.pid = forked.pid > 0 ? (int32_t)forked.pid : 0;
+    message.followed.error_number = forked.error_number;
     send_or_leave(c->fd, &message, -1);
-    if (middle == 0)
-        _exit(0);
 }
 
 /* False when the daemon has closed. */
