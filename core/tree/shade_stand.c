@@ -290,6 +290,16 @@ static void pass_row(const struct kernel *kernel, struct sv_shade_canvas *c, con
     }
 }
 
+/* Whether light is kept in the row's texels first .. last - 1. */
+static bool keeps_row(const struct sv_shade_canvas *c, int first, int last, int j)
+{
+    const uint32_t *tiles = c->tile + (size_t)(j >> c->tile_bits) * c->tiles_x;
+    for (int x = first >> c->tile_bits; x <= (last - 1) >> c->tile_bits; x++)
+        if (tiles[x] > 0)
+            return true;
+    return false;
+}
+
 static void pass_half(const struct kernel *kernel, struct sv_shade_canvas *c, const struct sv_shade_print *p,
                       bool far, struct sv_shade_cell cells[SV_SHADE_ROWS])
 {
@@ -301,6 +311,8 @@ static void pass_half(const struct kernel *kernel, struct sv_shade_canvas *c, co
     int begin = across.first > 0 ? 0 : -across.first, end = columns - across.first;
     end = end < across.count ? end : across.count;
     for (int j = j0; j < j1; j++) {
+        if (!keeps_row(c, across.first + begin, across.first + end, j))
+            continue;
         int row = held(p->row0 + (float)(j - p->j0) * p->rows, SV_SHADE_ROWS);
         mix_row(kernel, p, j, mixed);
         pass_row(kernel, c, &across, begin, end, j, far, mixed, &cells[row]);

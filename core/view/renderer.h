@@ -76,7 +76,7 @@ SV_MUST_CHECK enum sv_status sv_renderer_warm_shadows(struct sv_renderer *render
 /* The scene has changed in place (core/scene/patch_apply.h): makes again what the delta touches, so that pictures are those
  * of a renderer that was created with the scene as it is now. A species that has got its first tree and an object of a
  * new model are built, through the store; what else there is to do takes a fraction of a second, however many trees
- * there are, but for light at more than SV_DIRECT_SUN_TREES of them (a new sun, trees all over the forest), which is left to the first view
+ * there are, but for light at more than SV_DIRECT_SUN_TREES of them (a new sun, thousands of trees all over the forest), which is left to the first view
  * that wants it. After an error the renderer is of no use. Not while anything is drawn. */
 SV_MUST_CHECK enum sv_status sv_renderer_change(struct sv_renderer *renderer, const struct sv_scene_delta *delta,
                                                 struct sv_store *store, struct sv_error *error);
