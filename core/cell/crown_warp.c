@@ -168,8 +168,8 @@ static void mark_shown(struct sv_crown_buffer *buffer, struct sv_crown_box box)
 {
     if (box.x1 < box.x0)
         return;
-    box = (struct sv_crown_box){box.x0 - SV_CROWN_REACH, box.x1 + SV_CROWN_REACH, box.y0 - SV_CROWN_REACH,
-                                box.y1 + SV_CROWN_REACH};
+    box = (struct sv_crown_box){box.x0 - SV_CROWN_APRON, box.x1 + SV_CROWN_APRON, box.y0 - SV_CROWN_APRON,
+                                box.y1 + SV_CROWN_APRON};
     struct sv_crown_box b = blocks_of(buffer, &box);
     for (int y = b.y0; y <= b.y1; y++)
         memset(&buffer->shown[y * buffer->blocks_x + b.x0], 1, (size_t)(b.x1 - b.x0 + 1));
@@ -229,7 +229,7 @@ static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, in
         max_y = y > max_y ? y : max_y;
     }
     /* Beyond those: SV_CROWN_GROW and rounding, then the neighbours that resolve looks at. */
-    const float around = SV_CROWN_REACH + 0.5f;
+    const float around = SV_CROWN_APRON + 0.5f;
     float x1 = fminf(max_x + around, s->hi_x), y1 = fminf(max_y + around, s->hi_y);
     min_x = fmaxf(min_x - around, s->lo_x);
     min_y = fmaxf(min_y - around, s->lo_y);
@@ -347,9 +347,10 @@ static void inverse_set(const struct sv_crown_source *source, struct sv_crown_in
     for (int k = 0; k < 3; k++)
         g[k] = row[k][0] * column[2][0] + row[k][1] * column[2][1] + row[k][2] * column[2][2];
     *v = (struct sv_crown_inverse){.layer = source->layer,
-                                     .legal = isfinite(1 / det),
-                                     .steep = source->steep,
-                                     .early = 0.5f * source->steep - 0.5f};
+                                   .legal = isfinite(1 / det),
+                                   .opens = source->opens,
+                                   .steep = source->steep,
+                                   .early = 0.5f * source->steep - 0.5f};
     for (int k = 0; k < 3; k++) {
         double scale = k == 0 ? half : k == 1 ? -half : 1;
         v->dx[k] = (float)(scale * row[k][0]);
@@ -370,9 +371,11 @@ void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_c
 {
     struct sv_crown_inverse inverse[SV_CROWN_SOURCES_MAX];
     assert(count <= SV_CROWN_SOURCES_MAX);
-    for (unsigned k = 0; k < count; k++)
+    struct sv_crown_resolve resolve = {inverse, buffer, depth, 1 - tolerance, false, light};
+    for (unsigned k = 0; k < count; k++) {
         inverse_set(&sources[k], &inverse[k]);
-    struct sv_crown_resolve resolve = {inverse, buffer, depth, 1 - tolerance, light};
+        resolve.opens |= sources[k].opens;
+    }
     for (int y = 0; y < buffer->blocks_y; y++)
         for (int x = 0; x < buffer->blocks_x; x++) {
             uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x];

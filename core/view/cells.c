@@ -277,6 +277,7 @@ static void warp_crowns(struct sv_cells *c, const struct sv_cells_frame *f)
             if (s->ring != ring || s->panel.crowns.size == 0)
                 continue;
             sources[count].layer = &s->panel.crowns;
+            sources[count].opens = ring == f->at.crowns_first; /* leaves are many pixels large in none but these */
             sources[count].steep = s->pin.refined ? SV_CROWN_STEEP_REFINED : SV_CROWN_STEEP;
             sv_crown_map(s->panel.about.place.v, s->panel.about.distance_m, s->face, &f->view->camera, 0, 0,
                          sources[count++].m);
