@@ -56,8 +56,9 @@ enum sv_status sv_crown_buffer_create(int width, int row_first, int row_count,
     b->closed = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
     b->shown = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
     b->least = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, sizeof *b->least);
+    b->spent = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
     b->over = malloc((size_t)width * (size_t)row_count * sizeof *b->over);
-    if (!b->keys || !b->closed || !b->shown || !b->least || !b->over) {
+    if (!b->keys || !b->closed || !b->shown || !b->least || !b->spent || !b->over) {
         sv_crown_buffer_destroy(b);
         return sv_fail(error, SV_ENOMEM, "band", "no memory for %d x %d pixels", width, row_count);
     }
@@ -73,6 +74,7 @@ void sv_crown_buffer_destroy(struct sv_crown_buffer *buffer)
     free(buffer->closed);
     free(buffer->shown);
     free(buffer->least);
+    free(buffer->spent);
     free(buffer->over);
     free(buffer);
 }
@@ -193,8 +195,8 @@ static void mark_shown(struct sv_crown_buffer *buffer, struct sv_crown_box box)
 {
     if (box.x1 < box.x0)
         return;
-    box = (struct sv_crown_box){box.x0 - SV_CROWN_REACH, box.x1 + SV_CROWN_REACH, box.y0 - SV_CROWN_REACH,
-                                box.y1 + SV_CROWN_REACH};
+    box = (struct sv_crown_box){box.x0 - SV_CROWN_APRON, box.x1 + SV_CROWN_APRON, box.y0 - SV_CROWN_APRON,
+                                box.y1 + SV_CROWN_APRON};
     struct sv_crown_box b = blocks_of(buffer, &box);
     for (int y = b.y0; y <= b.y1; y++)
         memset(&buffer->shown[y * buffer->blocks_x + b.x0], 1, (size_t)(b.x1 - b.x0 + 1));
@@ -255,7 +257,7 @@ static bool tile_closed(const struct sv_crown_splat *s, double texel, int tx, in
         nearest = fmaxf(nearest, (float)(p[2] / p[3]) * (1 + 1e-6f));
     }
     /* Beyond those: SV_CROWN_GROW and rounding, then the neighbours that resolve looks at. */
-    const float around = SV_CROWN_REACH + 0.5f;
+    const float around = SV_CROWN_APRON + 0.5f;
     float x1 = fminf(max_x + around, s->hi_x), y1 = fminf(max_y + around, s->hi_y);
     min_x = fmaxf(min_x - around, s->lo_x);
     min_y = fmaxf(min_y - around, s->lo_y);
@@ -373,9 +375,10 @@ static void inverse_set(const struct sv_crown_source *source, struct sv_crown_in
     for (int k = 0; k < 3; k++)
         g[k] = row[k][0] * column[2][0] + row[k][1] * column[2][1] + row[k][2] * column[2][2];
     *v = (struct sv_crown_inverse){.layer = source->layer,
-                                     .legal = isfinite(1 / det),
-                                     .steep = source->steep,
-                                     .early = 0.5f * source->steep - 0.5f};
+                                   .legal = isfinite(1 / det),
+                                   .opens = source->opens,
+                                   .steep = source->steep,
+                                   .early = 0.5f * source->steep - 0.5f};
     for (int k = 0; k < 3; k++) {
         double scale = k == 0 ? half : k == 1 ? -half : 1;
         v->dx[k] = (float)(scale * row[k][0]);
@@ -390,38 +393,32 @@ static void inverse_set(const struct sv_crown_source *source, struct sv_crown_in
     v->side = sv_panel_tiles(source->layer->size);
 }
 
-static void inverses_set(const struct sv_crown_source *sources, unsigned count,
-                         struct sv_crown_inverse inverse[SV_CROWN_SOURCES_ALL])
+static struct sv_crown_resolve resolve_of(const struct sv_crown_source *sources, unsigned count,
+                                          struct sv_crown_inverse inverse[SV_CROWN_SOURCES_MAX],
+                                          struct sv_crown_buffer *buffer)
 {
+    struct sv_crown_resolve resolve = {.sources = inverse, .buffer = buffer, .keep = 1};
     assert(count <= SV_CROWN_SOURCES_MAX);
-    for (unsigned k = 0; k < SV_CROWN_SOURCES_ALL; k++)
-        inverse[k].legal = false;
-    for (unsigned k = 0; k < count; k++)
+    for (unsigned k = 0; k < count; k++) {
         inverse_set(&sources[k], &inverse[k]);
+        resolve.opens |= sources[k].opens;
+    }
+    return resolve;
 }
 
-void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
-                         unsigned count, struct sv_crown_buffer *buffer, const float *depth, float tolerance,
-                         float (*light)[4])
+/* ---- what is in front ---- */
+
+/* What passes at a pixel over which something went: it lets none through in the resolve that follows. */
+static float spent(float pass)
 {
-    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_ALL];
-    inverses_set(sources, count, inverse);
-    struct sv_crown_resolve resolve = {inverse, buffer, depth, 1 - tolerance, light};
-    for (int y = 0; y < buffer->blocks_y; y++)
-        for (int x = 0; x < buffer->blocks_x; x++) {
-            uint8_t *closed = &buffer->closed[y * buffer->blocks_x + x];
-            struct block b = block_at(buffer, x, y);
-            buffer->least[y * buffer->blocks_x + x] = INFINITY;
-            if (*closed || !buffer->shown[y * buffer->blocks_x + x])
-                continue;
-            *closed = kernel->block(&resolve, b.i0, b.i1, b.j0, b.j1);
-            buffer->closed_count += *closed;
-        }
+    return -1 - pass;
 }
 
-/* Light of the block over what has been gathered; its keys are spent. */
-static void lay_over(struct sv_crown_buffer *buffer, const struct block *b, const float *front, float (*light)[4])
+/* Light of the block over what has been gathered. Whether there is any. */
+static bool lay_over(const struct sv_crown_buffer *buffer, const struct block *b, const float *front,
+                     float (*light)[4])
 {
+    bool any = false;
     for (int j = b->j0; j < b->j1; j++)
         for (int i = b->i0; i < b->i1; i++) {
             size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
@@ -430,8 +427,19 @@ static void lay_over(struct sv_crown_buffer *buffer, const struct block *b, cons
                 continue;
             for (int c = 0; c < 3; c++)
                 light[p][c] = over[c] + over[3] * light[p][c];
-            light[p][3] *= over[3];
-            buffer->keys[sv_crown_at(buffer, i, j) - buffer->keys] = sv_crown_no_key(buffer->epoch);
+            light[p][3] = spent(light[p][3] * over[3]);
+            any = true;
+        }
+    return any;
+}
+
+static void end_spent(const struct sv_crown_buffer *buffer, const struct block *b, float (*light)[4])
+{
+    for (int j = b->j0; j < b->j1; j++)
+        for (int i = b->i0; i < b->i1; i++) {
+            float *pass = &light[(size_t)j * (size_t)buffer->width + (size_t)i][3];
+            if (*pass <= -1)
+                *pass = spent(*pass);
         }
 }
 
@@ -455,27 +463,51 @@ void sv_crown_resolve_front_at(const struct sv_crown_kernel *kernel, const struc
                                unsigned count, struct sv_crown_buffer *buffer, const float *front,
                                float (*light)[4])
 {
-    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_ALL];
-    int blocks = buffer->blocks_x * buffer->blocks_y;
-    inverses_set(sources, count, inverse);
-    struct sv_crown_resolve resolve = {inverse, buffer, front, 1, buffer->over};
-    /* Keys of all blocks stay until all are resolved: pixels look at their neighbours'. */
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < blocks; k++) {
-            struct block b = block_at(buffer, k % buffer->blocks_x, k / buffer->blocks_x);
-            if (!buffer->shown[k])
-                continue;
-            if (pass == 1)
-                lay_over(buffer, &b, front, light);
-            else if (open_block(buffer, &b, front))
-                (void)kernel->block(&resolve, b.i0, b.i1, b.j0, b.j1);
-        }
+    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_MAX];
+    struct sv_crown_resolve resolve = resolve_of(sources, count, inverse, buffer);
+    resolve.depth = front;
+    resolve.opens = false;
+    resolve.light = buffer->over;
+    for (int k = 0; k < buffer->blocks_x * buffer->blocks_y; k++) {
+        struct block b = block_at(buffer, k % buffer->blocks_x, k / buffer->blocks_x);
+        if (!buffer->shown[k] || !open_block(buffer, &b, front))
+            continue;
+        (void)kernel->block(&resolve, b.i0, b.i1, b.j0, b.j1);
+        buffer->spent[k] = lay_over(buffer, &b, front, light);
+    }
 }
 
 void sv_crown_resolve_front(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
                             const float *front, float (*light)[4])
 {
     sv_crown_resolve_front_at(sv_crown_kernel_of(sv_simd_level()), sources, count, buffer, front, light);
+}
+
+/* ---- what is behind ---- */
+
+void sv_crown_resolve_at(const struct sv_crown_kernel *kernel, const struct sv_crown_source *sources,
+                         unsigned count, struct sv_crown_buffer *buffer, const float *depth, float tolerance,
+                         float (*light)[4])
+{
+    struct sv_crown_inverse inverse[SV_CROWN_SOURCES_MAX];
+    struct sv_crown_resolve resolve = resolve_of(sources, count, inverse, buffer);
+    resolve.depth = depth;
+    resolve.keep = 1 - tolerance;
+    resolve.light = light;
+    for (int k = 0; k < buffer->blocks_x * buffer->blocks_y; k++) {
+        struct block b = block_at(buffer, k % buffer->blocks_x, k / buffer->blocks_x);
+        bool closed = buffer->closed[k];
+        if (!closed && buffer->shown[k])
+            closed = kernel->block(&resolve, b.i0, b.i1, b.j0, b.j1);
+        if (buffer->spent[k]) {
+            end_spent(buffer, &b, light);
+            closed = closed && block_done(buffer, (const float(*)[4])light, &b);
+        }
+        buffer->closed_count += closed - buffer->closed[k];
+        buffer->closed[k] = closed;
+        buffer->spent[k] = 0;
+        buffer->least[k] = INFINITY;
+    }
 }
 
 void sv_crown_resolve(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,

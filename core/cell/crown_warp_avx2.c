@@ -232,13 +232,13 @@ static inline __m256i load4(const uint64_t *keys)
     return _mm256_loadu_si256((const __m256i *)(const void *)keys);
 }
 
-/* Whether any pixel of the box and around it holds a key. */
-static bool any_key(const struct sv_crown_buffer *buffer, int i0, int i1, int j0, int j1)
+/* Whether any pixel of the box and `reach` around it holds a key. */
+static bool any_key(const struct sv_crown_buffer *buffer, int reach, int i0, int i1, int j0, int j1)
 {
     __m256d any = _mm256_setzero_pd();
-    for (int j = j0 - SV_CROWN_REACH; j < j1 + SV_CROWN_REACH; j++) {
-        const uint64_t *keys = sv_crown_at(buffer, i0 - SV_CROWN_REACH, j);
-        for (int i = 0; i < i1 - i0 + 2 * SV_CROWN_REACH; i += 4) /* rows have room for more than the apron */
+    for (int j = j0 - reach; j < j1 + reach; j++) {
+        const uint64_t *keys = sv_crown_at(buffer, i0 - reach, j);
+        for (int i = 0; i < i1 - i0 + 2 * reach; i += 4) /* rows have room for more than the apron */
             any = _mm256_max_pd(any, _mm256_castsi256_pd(load4(keys + i)));
     }
     __m256i epoch = _mm256_set1_epi64x((long long)buffer->epoch);
@@ -449,7 +449,8 @@ static inline unsigned over(__m256i keys, __m256i epoch)
 }
 
 /* Of eight pixels that no texel covers, those that show what their neighbours' keys have there. */
-static unsigned fills(const struct sv_crown_resolve *r, unsigned mask, __m256i low, __m256i high, int i, int j)
+static unsigned fills(const struct sv_crown_resolve *r, unsigned mask, __m256i low, __m256i high, int i,
+                      int j)
 {
     uint64_t keys[LANES];
     unsigned shown = 0;
@@ -460,6 +461,33 @@ static unsigned fills(const struct sv_crown_resolve *r, unsigned mask, __m256i l
         shown |= (unsigned)sv_crown_fills(r, keys[k], i + k, j) << k;
     }
     return shown;
+}
+
+/* What opens at those of eight pixels that show nothing so far. */
+static void look_around(const struct sv_crown_resolve *r, const uint64_t *own, unsigned bare, int i, int j)
+{
+    const __m256i epoch = _mm256_set1_epi64x((long long)r->buffer->epoch);
+    uint64_t first[SV_CROWN_WAYS][LANES];
+    unsigned any = 0;
+    for (int way = 0; way < SV_CROWN_WAYS; way++) {
+        ptrdiff_t step = sv_crown_ways[way][1] * (ptrdiff_t)r->buffer->stride + sv_crown_ways[way][0];
+        __m256i low = _mm256_setzero_si256(), high = low;
+        for (int n = SV_CROWN_OPEN; n > 0; n--) {
+            __m256i a = load4(own + n * step), b = load4(own + n * step + 4);
+            low = _mm256_blendv_epi8(low, a, _mm256_cmpgt_epi64(a, epoch));
+            high = _mm256_blendv_epi8(high, b, _mm256_cmpgt_epi64(b, epoch));
+        }
+        any |= over(low, epoch) | over(high, epoch) << 4;
+        _mm256_storeu_si256((__m256i *)(void *)first[way], low);
+        _mm256_storeu_si256((__m256i *)(void *)(first[way] + 4), high);
+    }
+    for (bare &= any; bare; bare &= bare - 1) {
+        int lane = __builtin_ctz(bare);
+        uint64_t keys[SV_CROWN_WAYS];
+        for (int way = 0; way < SV_CROWN_WAYS; way++)
+            keys[way] = first[way][lane];
+        sv_crown_show_behind(r, keys, i + lane, j);
+    }
 }
 
 /* Eight pixels from (i, j) of the band on; returns whether they are done. */
@@ -480,11 +508,13 @@ static inline bool draw_pixels(const struct sv_crown_resolve *r, int i, int j)
         __m256 limit = _mm256_mul_ps(_mm256_loadu_ps(r->depth + p), _mm256_set1_ps(r->keep));
         mask &= ~(unsigned)_mm256_movemask_ps(_mm256_cmp_ps(shown.d, limit, _CMP_LT_OQ));
     }
-    unsigned empty = mask & ~(over(load4(keys), epoch) | over(load4(keys + 4), epoch) << 4);
+    unsigned covered = over(load4(keys), epoch) | over(load4(keys + 4), epoch) << 4, empty = mask & ~covered;
     if (empty)
         mask ^= empty ^ fills(r, empty, low, high, i, j);
+    if (r->opens && (open & ~mask & ~covered))
+        look_around(r, keys, open & ~mask & ~covered, i, j);
     if (mask == 0)
-        return false;
+        return open_of(r->light + p) == 0;
     __m256i number = _mm256_srli_epi32(shown.tag, SV_CROWN_TEXEL_BITS), left = lanes_of(mask);
     __m256i texel = _mm256_and_si256(shown.tag, _mm256_set1_epi32((int)SV_CROWN_TEXEL_MASK));
     __m256 x = _mm256_add_ps(_mm256_set1_ps((float)i), _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7));
@@ -505,7 +535,7 @@ static bool block_avx2(const struct sv_crown_resolve *r, int i0, int i1, int j0,
 {
     bool done = true;
     int whole = i0 + (i1 - i0) / LANES * LANES;
-    if (!any_key(r->buffer, i0, i1, j0, j1))
+    if (!any_key(r->buffer, r->opens ? SV_CROWN_OPEN : SV_CROWN_REACH, i0, i1, j0, j1))
         return false;
     for (int j = j0; j < j1; j++)
         for (int i = i0; i < whole; i += LANES)

@@ -5,7 +5,7 @@
  * source and texel (slot and place in it: sv_panel_layer.q's index), inverted (4 + 24). With an epoch of at
  * most 30 keys are finite doubles of the same order, too. The largest wins, so that nearer beats farther and
  * no order of drawing matters; a clear is a new epoch, which beats all that is there, and empties memory once
- * in 30 times. Around the band lies an apron of SV_CROWN_REACH pixels, splatted like the rest, for resolve
+ * in 30 times. Around the band lies an apron of SV_CROWN_OPEN pixels, splatted like the rest, for resolve
  * looks at neighbours.
  *
  * The same arithmetic in the same order at every level (no fused multiply-add, true divisions). */
@@ -18,7 +18,7 @@
 #include "core/base/simd.h"
 #include "core/cell/crown_warp.h"
 
-enum { SV_CROWN_APRON = SV_CROWN_REACH, SV_CROWN_BLOCK = 16 };
+enum { SV_CROWN_APRON = SV_CROWN_OPEN, SV_CROWN_BLOCK = 16 };
 enum { SV_CROWN_EPOCH_SHIFT = 58, SV_CROWN_DEPTH_SHIFT = 28, SV_CROWN_TEXEL_BITS = 24, SV_CROWN_EPOCHS = 30 };
 #define SV_CROWN_TAG_MASK ((UINT32_C(1) << SV_CROWN_DEPTH_SHIFT) - 1)
 #define SV_CROWN_TEXEL_MASK ((UINT32_C(1) << SV_CROWN_TEXEL_BITS) - 1)
@@ -36,6 +36,7 @@ struct sv_crown_buffer {
     uint8_t *closed; /* of blocks of 16 x 16 pixels of the band: nothing passes any more */
     uint8_t *shown;  /* ... resolve may find a key there, or beside it, since the last clear */
     float *least;    /* of closed ones: texels of less depth are behind all that has been gathered there */
+    uint8_t *spent;  /* ... something went over some pixel, which is marked as one that lets nothing through */
     float (*over)[4]; /* of pixels of the band: light in front of what has been gathered (resolve_front) */
 };
 
@@ -57,11 +58,13 @@ static inline uint64_t sv_crown_key(uint64_t epoch, uint32_t depth_bits, uint32_
     return epoch | (uint64_t)depth_bits << SV_CROWN_DEPTH_SHIFT | (tag ^ SV_CROWN_TAG_MASK);
 }
 
-/* A key of which nothing is shown: of no source, the farthest. */
-enum { SV_CROWN_NO_SOURCE = 15, SV_CROWN_SOURCES_ALL = 16 };
-static inline uint64_t sv_crown_no_key(uint64_t epoch)
+/* The depth of a key. */
+static inline float sv_crown_depth(uint64_t key)
 {
-    return sv_crown_key(epoch, 0, (uint32_t)SV_CROWN_NO_SOURCE << SV_CROWN_TEXEL_BITS);
+    uint32_t bits = (uint32_t)(key >> SV_CROWN_DEPTH_SHIFT) & 0x3fffffff;
+    float d;
+    memcpy(&d, &bits, sizeof d);
+    return d;
 }
 
 /* One source, ready to splat. Row k of the map at texel (i, j) of a tile with code c is ((at[k] + j dv[k]) +
@@ -93,28 +96,46 @@ typedef struct sv_crown_box (*sv_crown_tile)(const struct sv_crown_splat *splat,
  * size / 2 and -size / 2; u = (r_x / r_w) (1 + c gw) + c gu + middle, v alike, c the code. */
 struct sv_crown_inverse {
     const struct sv_panel_layer *layer;
-    bool legal;
+    bool legal, opens;
     float at[3], dx[3], dy[3];
-    float steep, early; /* a weight w between texels becomes w steep - early, held to 0 .. 1 */
+    float steep, early;             /* a weight w between texels becomes w steep - early, held to 0 .. 1 */
     float gw, gu, gv, middle, last; /* middle: (size - 1) / 2; last: size - 1 */
     int side;                       /* tiles */
 };
 
 struct sv_crown_resolve {
-    const struct sv_crown_inverse *sources; /* SV_CROWN_SOURCES_ALL, those that are not there illegal */
+    const struct sv_crown_inverse *sources;
     struct sv_crown_buffer *buffer;
     const float *depth; /* of the band, or NULL */
     float keep;         /* 1 - tolerance */
+    bool opens;         /* some source does */
     float (*light)[4];
 };
 /* Pixels i0 <= i < i1, j0 <= j < j1 of the band (j counts from its first row); true when all of them are done
  * afterwards. */
 typedef bool (*sv_crown_block)(const struct sv_crown_resolve *resolve, int i0, int i1, int j0, int j1);
 
-/* Whether pixel (i, j) of the band, that no texel covers, shows what the key of a neighbour has there: the same body, or
- * nothing, or what is amid covered pixels. Beside a silhouette the panel has what stands far behind it, which is drawn
- * where it is seen from here, and not here. */
+/* Whether pixel (i, j) of the band, that no texel covers, shows what the key of a neighbour has there: the
+ * same body, or nothing, or what is amid covered pixels. Beside a silhouette the panel has what stands far
+ * behind it, which is drawn where it is seen from here, and not here. */
 bool sv_crown_fills(const struct sv_crown_resolve *resolve, uint64_t key, int i, int j);
+
+/* Where a pixel (x, y) of the picture sees a key's texel: on which source, at the depth of which code. */
+struct sv_crown_place {
+    const struct sv_crown_inverse *source; /* NULL: nowhere */
+    uint32_t texel;                        /* the key's own */
+    float code, u, v;
+};
+struct sv_crown_place sv_crown_locate(const struct sv_crown_resolve *resolve, uint64_t key, float x, float y);
+
+/* The first keys that a pixel that nothing covers or fills has around it: those of the ways (columns, rows)
+ * of at most SV_CROWN_OPEN steps, not above the epoch where there is none. */
+enum { SV_CROWN_WAYS = 8 };
+extern const int sv_crown_ways[SV_CROWN_WAYS][2];
+/* Shows at pixel (i, j) of the band the farthest of them that goes on behind what V sees there, if any does.
+ */
+void sv_crown_show_behind(const struct sv_crown_resolve *resolve, const uint64_t keys[SV_CROWN_WAYS], int i,
+                          int j);
 
 struct sv_crown_kernel {
     sv_crown_tile tile;

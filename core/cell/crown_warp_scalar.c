@@ -112,25 +112,20 @@ static void blend(const struct sv_crown_inverse *s, float u, float v, float out[
     }
 }
 
-/* Where a pixel (x, y) of the picture sees a key's texel: on which source, at the depth of which code. */
-struct place {
-    const struct sv_crown_inverse *source; /* NULL: nowhere */
-    float code, u, v;
-};
-
-static struct place locate(const struct sv_crown_resolve *r, uint64_t key, float x, float y)
+struct sv_crown_place sv_crown_locate(const struct sv_crown_resolve *r, uint64_t key, float x, float y)
 {
     uint32_t tag = ((uint32_t)key & SV_CROWN_TAG_MASK) ^ SV_CROWN_TAG_MASK;
     const struct sv_crown_inverse *s = &r->sources[tag >> SV_CROWN_TEXEL_BITS];
     if (!s->legal)
-        return (struct place){NULL, 0, 0, 0};
-    float code = (float)s->layer->q[tag & SV_CROWN_TEXEL_MASK], p[3];
+        return (struct sv_crown_place){NULL, 0, 0, 0, 0};
+    uint32_t texel = tag & SV_CROWN_TEXEL_MASK;
+    float code = (float)s->layer->q[texel], p[3];
     for (int k = 0; k < 3; k++)
         p[k] = (s->at[k] + x * s->dx[k]) + y * s->dy[k];
     float inverse = 1.0f / p[2], along = 1 + code * s->gw;
     float u = ((p[0] * inverse) * along + code * s->gu) + s->middle;
     float v = ((p[1] * inverse) * along + code * s->gv) + s->middle;
-    return (struct place){s, code, clamp(u, 0, s->last), clamp(v, 0, s->last)};
+    return (struct sv_crown_place){s, texel, code, clamp(u, 0, s->last), clamp(v, 0, s->last)};
 }
 
 /* Whether keys lie above, below, left and right of a pixel. */
@@ -147,7 +142,7 @@ static bool is_amid(const struct sv_crown_buffer *buffer, const uint64_t *own)
 
 bool sv_crown_fills(const struct sv_crown_resolve *r, uint64_t key, int i, int j)
 {
-    struct place at = locate(r, key, (float)i, (float)(r->buffer->row_first + j));
+    struct sv_crown_place at = sv_crown_locate(r, key, (float)i, (float)(r->buffer->row_first + j));
     if (!at.source)
         return false;
     float code = (float)sv_panel_code(at.source->layer, (int)(at.u + 0.5f), (int)(at.v + 0.5f));
@@ -158,7 +153,7 @@ bool sv_crown_fills(const struct sv_crown_resolve *r, uint64_t key, int i, int j
 /* A key's texel seen through the pixel (x, y) of the picture, composed under what has been gathered. */
 static void show(const struct sv_crown_resolve *r, uint64_t key, float x, float y, float light[4])
 {
-    struct place at = locate(r, key, x, y);
+    struct sv_crown_place at = sv_crown_locate(r, key, x, y);
     float out[4];
     if (!at.source)
         return;
@@ -169,6 +164,20 @@ static void show(const struct sv_crown_resolve *r, uint64_t key, float x, float 
     light[3] -= pass * out[3];
 }
 
+/* What opens at a pixel that shows nothing so far. */
+static void look_around(const struct sv_crown_resolve *r, const uint64_t *own, int i, int j)
+{
+    uint64_t keys[SV_CROWN_WAYS];
+    for (int way = 0; way < SV_CROWN_WAYS; way++) {
+        ptrdiff_t step = sv_crown_ways[way][1] * (ptrdiff_t)r->buffer->stride + sv_crown_ways[way][0];
+        int n = 1;
+        while (n < SV_CROWN_OPEN && own[n * step] <= r->buffer->epoch)
+            n++;
+        keys[way] = own[n * step];
+    }
+    sv_crown_show_behind(r, keys, i, j);
+}
+
 static bool draw_block(const struct sv_crown_resolve *r, int i0, int i1, int j0, int j1)
 {
     struct sv_crown_buffer *buffer = r->buffer;
@@ -176,16 +185,17 @@ static bool draw_block(const struct sv_crown_resolve *r, int i0, int i1, int j0,
     for (int j = j0; j < j1; j++)
         for (int i = i0; i < i1; i++) {
             size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
-            float *light = r->light[p], d;
+            float *light = r->light[p];
             if (!(light[3] >= SV_CROWN_PASS_MIN))
                 continue;
             const uint64_t *own = sv_crown_at(buffer, i, j);
             uint64_t key = shown_key(buffer, own);
-            uint32_t bits = (uint32_t)(key >> SV_CROWN_DEPTH_SHIFT) & 0x3fffffff;
-            memcpy(&d, &bits, sizeof d);
-            if (key > buffer->epoch && !(r->depth && d < r->depth[p] * r->keep) &&
-                (*own > buffer->epoch || sv_crown_fills(r, key, i, j)))
+            bool covered = *own > buffer->epoch;
+            if (key > buffer->epoch && !(r->depth && sv_crown_depth(key) < r->depth[p] * r->keep) &&
+                (covered || sv_crown_fills(r, key, i, j)))
                 show(r, key, (float)i, (float)(buffer->row_first + j), light);
+            else if (r->opens && !covered)
+                look_around(r, own, i, j);
             done &= !(light[3] >= SV_CROWN_PASS_MIN);
         }
     return done;

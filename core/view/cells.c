@@ -20,8 +20,8 @@
 /* Pixels that a texel may be wide in the middle of the picture: crowns of larger ones are squares. */
 #define TEXEL_PX_MAX 4
 
-/* Rows beyond a band that its own depend on (soften.h; crown_warp.h: what is in front there shows nothing beside it). */
-enum { APRON = SV_CROWN_REACH };
+/* Rows beyond a band that its own depend on (soften.h). */
+enum { APRON = 1 };
 
 struct sv_cells {
     struct sv_cells_take take;
@@ -304,6 +304,7 @@ static void warp_crowns(struct sv_cells *c, const struct sv_cells_frame *f, bool
             if (s->ring != ring || s->panel.crowns.size == 0)
                 continue;
             sources[count].layer = &s->panel.crowns;
+            sources[count].opens = ring == f->at.crowns_first; /* leaves are many pixels large in none but these */
             sources[count].steep = s->pin.refined ? SV_CROWN_STEEP_REFINED : SV_CROWN_STEEP;
             sv_crown_map(s->panel.about.place.v, s->panel.about.distance_m, s->face, &f->view->camera, 0, 0,
                          sources[count++].m);

@@ -188,6 +188,7 @@ static void ring_build(struct stand *s, const struct options *o, const struct sv
         build(s, o, shell, place, (enum sv_cell_face)face, &ring->blocks[k], &ring->panels[k]);
         ring->sources[k].layer = &ring->panels[k].crowns;
         ring->sources[k].steep = SV_CROWN_STEEP;
+        ring->sources[k].opens = false;
         sv_crown_map(shell->v, shell->distance_m, (enum sv_cell_face)face, camera, 0, 0, ring->sources[k].m);
         ring->count++;
     }

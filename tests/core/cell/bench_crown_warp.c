@@ -63,6 +63,7 @@ static void frame(struct bench *b, const struct sv_crown_kernel *kernel, int rin
         for (int k = 0; k < FACES; k++) {
             sources[k].layer = &b->panels[ring][k].panel.crowns;
             sources[k].steep = SV_CROWN_STEEP;
+            sources[k].opens = false;
             sv_crown_map(v, distance, faces[k], &camera, 0, 0, sources[k].m);
         }
         if (begin_each)

@@ -101,6 +101,7 @@ static void one_case(struct sv_rng *rng, int k)
         panels[s] = random_panel(rng, (int)s, sizes[sv_rng_next(rng) % 6]);
         sources[s].layer = &panels[s].crowns;
         sources[s].steep = s ? 1 : SV_CROWN_STEEP;
+        sources[s].opens = false;
         some_map(rng, width, first + rows, sources[s].m);
     }
     for (size_t p = 0; p < n; p++)
@@ -157,6 +158,7 @@ static void test_largest(void **state)
     for (int k = 0; k < SV_CROWN_SOURCES_MAX; k++) { /* the last is in front */
         sources[k].layer = &panel.panel.crowns;
         sources[k].steep = SV_CROWN_STEEP;
+        sources[k].opens = false;
         sv_crown_map(sv_vec3(0, 0, 0), 20 - k, SV_CELL_NORTH, &camera, 0, 0, sources[k].m);
     }
     for (int k = 0; k < SIDE * ROWS; k++)

@@ -33,17 +33,19 @@ static void put_gathered(struct sv_rng *rng, struct scene *s)
     }
 }
 
-static void scene_make(struct sv_rng *rng, int k, struct scene *s)
+static void scene_make(struct sv_rng *rng, int k, bool opens, struct scene *s)
 {
     struct sv_vec3 v = sv_vec3(412345.5, 4123456.25, 310);
     struct sv_vec3 offset =
         sv_vec3(sv_rng_range(rng, -0.1, 0.1), sv_rng_range(rng, -0.1, 0.1), sv_rng_range(rng, -0.1, 0.1));
-    const double turn[3] = {sv_rng_range(rng, -0.3, 0.3), sv_rng_range(rng, -0.2, 0.2), sv_rng_range(rng, -1, 1)};
+    const double turn[3] = {sv_rng_range(rng, -0.3, 0.3), sv_rng_range(rng, -0.2, 0.2),
+                            sv_rng_range(rng, -1, 1)};
     struct sv_camera camera =
         crown_camera(SV_CELL_NORTH, v, 20, offset, turn, sv_rng_range(rng, 0.6, 1.5), WIDTH, HEIGHT);
     crown_panel_make(40 + k % 3 * 30, &s->panel);
     crown_panel_blobs(&s->panel, rng, 0.6, 0.3, 1.6);
     s->source.layer = &s->panel.panel.crowns;
+    s->source.opens = k % 3 == 2 && opens;
     s->source.steep = k & 1 ? SV_CROWN_STEEP : 1;
     sv_crown_map(v, 20, SV_CELL_NORTH, &camera, 0, 0, s->source.m);
     put_gathered(rng, s);
@@ -76,63 +78,44 @@ static void expect(const struct crown_truth *t, bool over, const float gathered[
     out[3] = pass * behind;
 }
 
-static bool beside_spent(const bool *spent, int n)
-{
-    for (int j = -SV_CROWN_REACH; j <= SV_CROWN_REACH; j++)
-        for (int i = -SV_CROWN_REACH; i <= SV_CROWN_REACH; i++) {
-            int x = n % WIDTH + i, y = n / WIDTH + j;
-            if (x >= 0 && x < WIDTH && y >= 0 && y < HEIGHT && spent[y * WIDTH + x])
-                return true;
-        }
-    return false;
-}
-
-/* The nearer surface wins, whichever was drawn first; nothing is shown twice. A pixel that no texel covers may show
- * another one beside one whose texel went over: those are few. */
+/* The nearer surface wins, whichever was drawn first; nothing is shown twice. */
 static void test_nearer_wins(void **state)
 {
     (void)state;
     struct sv_rng rng = sv_rng_seeded(SEED, 1);
-    long over = 0, under = 0, unsure = 0, beside = 0;
-    for (int k = 0; k < 16; k++) {
+    long over = 0, under = 0, unsure = 0;
+    for (int k = 0; k < 8; k++) {
         static struct scene s;
-        static struct crown_truth truth[PIXELS];
         static float light[PIXELS][4];
-        static bool goes_over[PIXELS];
-        scene_make(&rng, k, &s);
+        scene_make(&rng, k, false, &s);
         draw(k & 2 ? &sv_crown_scalar : sv_crown_kernel_of(sv_simd_level()), &s, 0, HEIGHT, true, light);
         for (int n = 0; n < PIXELS; n++) {
-            crown_truth_of(&s.source, 1, n % WIDTH, n / WIDTH, &truth[n]);
-            goes_over[n] = truth[n].any && truth[n].d >= (double)s.front[n];
-        }
-        for (int n = 0; n < PIXELS; n++) {
-            const struct crown_truth *t = &truth[n];
+            struct crown_truth t;
+            crown_truth_of(&s.source, 1, n % WIDTH, n / WIDTH, &t);
+            bool goes_over = t.any && t.d >= (double)s.front[n];
             double front = (double)s.front[n], worst = 0, expected[4];
-            if (t->unsure || (t->any && fabs(t->d - front) < 1e-5 * front)) {
+            if (t.unsure || (t.any && fabs(t.d - front) < 1e-5 * front)) {
                 unsure++;
                 continue;
             }
             const struct crown_truth nothing = {0};
-            expect(t->any ? t : &nothing, goes_over[n], s.light[n], expected);
+            expect(t.any ? &t : &nothing, goes_over, s.light[n], expected);
             for (int c = 0; c < 4; c++)
                 worst = fmax(worst, fabs(expected[c] - (double)light[n][c]));
-            over += goes_over[n];
-            under += t->any && !goes_over[n] && s.light[n][3] > 0;
+            over += goes_over;
+            under += t.any && !goes_over && s.light[n][3] > 0;
             if (worst <= 1.0 / 256 + 0.02)
                 continue;
-            beside++;
-            if (!beside_spent(goes_over, n))
-                fail_msg("seed %d case %d pixel (%d, %d), %s: off by %.4f", SEED, k, n % WIDTH, n / WIDTH,
-                         goes_over[n] ? "over" : "under", worst);
+            fail_msg("seed %d case %d pixel (%d, %d), %s: off by %.4f", SEED, k, n % WIDTH, n / WIDTH,
+                     goes_over ? "over" : "under", worst);
         }
         crown_panel_free(&s.panel);
     }
-    printf("%ld pixels over, %ld under what was gathered, %ld unsure, %ld otherwise beside one over\n", over, under,
-           unsure, beside);
-    assert_true(over > 5000 && under > 5000 && unsure < PIXELS && beside < (over + under) / 100);
+    printf("%ld pixels over, %ld under what was gathered, %ld unsure\n", over, under, unsure);
+    assert_true(over > 5000 && under > 4000 && unsure < PIXELS);
 }
 
-/* Levels, bands but for what lies within reach of their ends, and leaving out what is hidden: the same bytes. */
+/* Levels, bands, and leaving out what is hidden: the same bytes. */
 static void test_agree(void **state)
 {
     (void)state;
@@ -140,16 +123,15 @@ static void test_agree(void **state)
     for (int k = 0; k < 40; k++) {
         static struct scene s;
         static float whole[PIXELS][4], other[PIXELS][4];
-        scene_make(&rng, k, &s);
+        scene_make(&rng, k, true, &s);
         draw(&sv_crown_scalar, &s, 0, HEIGHT, true, whole);
         draw(&sv_crown_scalar, &s, 0, HEIGHT, false, other);
         assert_memory_equal(whole, other, sizeof whole);
         draw(sv_crown_kernel_of(sv_simd_level()), &s, 0, HEIGHT, true, other);
         assert_memory_equal(whole, other, sizeof whole);
-        int first = k % 30, rows = 10 + k % 20, inner = first + SV_CROWN_REACH;
+        int first = k % 30, rows = 10 + k % 20;
         draw(sv_crown_kernel_of(sv_simd_level()), &s, first, rows, true, other);
-        assert_memory_equal(whole[inner * WIDTH], other[inner * WIDTH],
-                            (size_t)(rows - 2 * SV_CROWN_REACH) * WIDTH * sizeof *whole);
+        assert_memory_equal(whole[first * WIDTH], other[first * WIDTH], (size_t)rows * WIDTH * sizeof *whole);
         crown_panel_free(&s.panel);
     }
 }
@@ -162,7 +144,7 @@ static void test_left_out(void **state)
     struct sv_rng rng = sv_rng_seeded(SEED, 3);
     struct sv_crown_buffer *buffer;
     uint64_t drawn[2];
-    scene_make(&rng, 0, &s);
+    scene_make(&rng, 0, false, &s);
     crown_panel_flat(&s.panel, (const uint8_t[4]){90, 90, 90, 255}, 0.8);
     s.source.layer = &s.panel.panel.crowns;
     assert_int_equal(sv_crown_buffer_create(WIDTH, 0, HEIGHT, &buffer, NULL), SV_OK);

@@ -108,6 +108,7 @@ static void test_brute_force(void **state)
             crown_panel_blobs(&panel[n], &rng, 0.4, 0.2, 1.2);
             sources[n].layer = &panel[n].panel.crowns;
             sources[n].steep = STEEPS[(k + n) % 4];
+            sources[n].opens = false;
             sv_crown_map(v, 20, n ? other : face, &camera, 0.1, -0.2, sources[n].m);
         }
         struct picture p = picture_make(camera.width, camera.height);
@@ -159,6 +160,7 @@ static void test_plane_homography(void **state)
         q = panel.room.q[0] / (double)SV_PANEL_Q_ONE;
         source.layer = &panel.panel.crowns;
         source.steep = STEEPS[k / 3 % 4];
+        source.opens = false;
         sv_crown_map(v, distance, face, &camera, shift, -shift, source.m);
         struct picture p = picture_make(67, 45);
         draw_band(levels[k % LEVELS], &source, 1, 0, 45, NULL, &p);
@@ -207,6 +209,7 @@ static void test_single_texel(void **state)
         q = panel.room.q[at] / (double)SV_PANEL_Q_ONE;
         source.layer = &panel.panel.crowns;
         source.steep = SV_CROWN_STEEP;
+        source.opens = false;
         sv_crown_map(v, 20, SV_CELL_NORTH, &camera, 0, 0, source.m);
         struct picture p = picture_make(96, 80);
         draw_band(levels[k % LEVELS], &source, 1, 0, 80, NULL, &p);
@@ -256,6 +259,7 @@ static void scene_make(struct sv_rng *rng, int k, struct scene *s)
         crown_panel_blobs(&s->panel[n], rng, sv_rng_range(rng, 0.05, 0.8), 0.05, 1.9);
         s->sources[n].layer = &s->panel[n].panel.crowns;
         s->sources[n].steep = STEEPS[(k + (int)n) % 4];
+        s->sources[n].opens = (k + (int)n) % 3 != 0;
         sv_crown_map(v, 20, faces[n], &camera, 0.2, 0.4, s->sources[n].m);
     }
 }
@@ -396,11 +400,12 @@ static void test_closed_is_left_out(void **state)
     struct sv_crown_buffer *buffer;
     struct picture p = picture_make(64, 64);
     struct sv_camera camera = crown_camera(SV_CELL_NORTH, sv_vec3(0, 0, 0), 10, sv_vec3(0, 0, 0),
-                                           (const double[3]){0, 0, 0}, 1, 64, 64);
+                                           (const double[3]){0, 0, 0}, 0.8, 64, 64);
     crown_panel_make(128, &panel);
     crown_panel_flat(&panel, (const uint8_t[4]){90, 90, 90, 255}, 0.8);
     source.layer = &panel.panel.crowns;
     source.steep = SV_CROWN_STEEP;
+    source.opens = false;
     sv_crown_map(sv_vec3(0, 0, 0), 10, SV_CELL_NORTH, &camera, 0, 0, source.m);
     assert_int_equal(sv_crown_buffer_create(64, 0, 64, &buffer, NULL), SV_OK);
     for (int ring = 0; ring < 2; ring++) {
@@ -450,6 +455,7 @@ static void test_silhouette(void **state)
         crown_camera(SV_CELL_NORTH, v, distance, sv_vec3(0, 0, -lower), turn, SV_PI / 2, SIDE, SIDE);
     source.layer = &panel.panel.crowns;
     source.steep = SV_CROWN_STEEP;
+    source.opens = false;
     sv_crown_map(v, distance, SV_CELL_NORTH, &camera, 0, 0, source.m);
     int crown_top = (int)floor(CROWN - lower * SIDE / 2); /* 27.2: rows above have their centres in the sky */
     for (int level = 0; level < LEVELS; level++) {
@@ -461,6 +467,86 @@ static void test_silhouette(void **state)
             assert_true(p.light[(crown_top + 2) * SIDE + i][1] > 0.5f && p.light[(crown_top + 2) * SIDE + i][0] == 0);
         for (int i = 2; i < 20; i++)
             assert_true(p.light[(WOOD + 2) * SIDE + i][0] > 0.5f);
+        free(p.light);
+    }
+    crown_panel_free(&panel);
+}
+
+/* A leaf before a wall that goes on behind it, of which V sees a part, and a gap: as tangents from V, by the planes that
+ * they stand in. From the right of V some of the wall is seen that V does not see. */
+enum { OPEN_SIDE = 128 };
+static const double LEAF_Q = 1.5, WALL_Q = 0.5, LEAF[4] = {-0.125, 0.125, -0.375, 0.375},
+                    WALL[4] = {-0.625, 0.625, -0.625, 0.625}, GAP[4] = {0.25, 0.375, -0.625, 0.625};
+
+/* How far inside of a box (x and y from, to) a point is; negative: outside. */
+static double inside(const double box[4], double x, double y)
+{
+    return fmin(fmin(x - box[0], box[1] - x), fmin(y - box[2], box[3] - y));
+}
+
+static void leaf_and_wall(struct crown_panel *panel)
+{
+    crown_panel_make(OPEN_SIDE, panel);
+    for (int k = 0; k < OPEN_SIDE * OPEN_SIDE; k++) {
+        double x = 2 * (k % OPEN_SIDE + 0.5) / OPEN_SIDE - 1, y = 1 - 2 * (k / OPEN_SIDE + 0.5) / OPEN_SIDE;
+        bool leaf = inside(LEAF, x, y) > 0, wall = inside(WALL, x, y) > 0 && inside(GAP, x, y) < 0;
+        if (!leaf && !wall)
+            continue;
+        memcpy(panel->room.color[k], (const uint8_t[4]){leaf ? 200 : 0, 0, leaf ? 0 : 200, 255}, 4);
+        panel->room.q[k] = (uint16_t)((leaf ? LEAF_Q : WALL_Q) * SV_PANEL_Q_ONE);
+    }
+    crown_panel_pack(panel);
+}
+
+/* What rays from the eye, offset D to the right of V, meet: a point of plane D / q that it sees at x is seen at x +
+ * offset q from V. 1: the leaf, 2: the wall, 0: nothing, -1: within two pixels of an edge. *opened: V does not see it. */
+static int ray_meets(double offset, int i, int j, bool *opened)
+{
+    double x = 2 * (i + 0.5) / OPEN_SIDE - 1, y = 1 - 2 * (j + 0.5) / OPEN_SIDE, edge = 2 * 2.0 / OPEN_SIDE;
+    double leaf = inside(LEAF, x + offset * LEAF_Q, y), at = x + offset * WALL_Q;
+    double wall = fmin(inside(WALL, at, y), -inside(GAP, at, y));
+    *opened = inside(LEAF, at, y) > 0 && leaf < 0;
+    if (fabs(leaf) < edge || (leaf < 0 && fabs(wall) < edge))
+        return -1;
+    return leaf > 0 ? 1 : wall > 0 ? 2 : 0;
+}
+
+static void test_what_opens(void **state)
+{
+    (void)state;
+    static const double offsets[] = {0.1, -0.1, 0.04};
+    const double turn[3] = {0, 0, 0}, distance = 20;
+    struct sv_vec3 v = sv_vec3(412345.5, 4123456.25, 310);
+    struct crown_panel panel;
+    leaf_and_wall(&panel);
+    for (int k = 0; k < 3 * 2 * LEVELS; k++) {
+        double offset = offsets[k % 3];
+        struct sv_camera camera = crown_camera(SV_CELL_NORTH, v, distance, sv_vec3(offset, 0, 0), turn, SV_PI / 2,
+                                               OPEN_SIDE, OPEN_SIDE);
+        struct sv_crown_source source = {
+            .layer = &panel.panel.crowns, .steep = SV_CROWN_STEEP, .opens = k / 3 % 2 == 1};
+        struct picture p = picture_make(OPEN_SIDE, OPEN_SIDE);
+        int wrong = 0, of_leaf = 0, seen_open = 0, gaps = 0;
+        sv_crown_map(v, distance, SV_CELL_NORTH, &camera, 0, 0, source.m);
+        draw_band(levels[k / 6], &source, 1, 0, OPEN_SIDE, NULL, &p);
+        for (int n = 0; n < OPEN_SIDE * OPEN_SIDE; n++) {
+            bool opened;
+            int met = ray_meets(offset, n % OPEN_SIDE, n / OPEN_SIDE, &opened);
+            const float *l = p.light[n];
+            if (met < 0)
+                continue;
+            bool right = met == 0 ? l[3] > 0.99f : l[3] < 0.01f, own = met == 0 || l[met == 1 ? 0 : 2] > 0.5f;
+            assert_true((right && own) || opened);
+            wrong += !right;
+            of_leaf += right && !own;
+            seen_open += opened;
+            gaps += met == 0 && inside(WALL, 2 * (n % OPEN_SIDE + 0.5) / OPEN_SIDE - 1, 0) > 0.1;
+        }
+        assert_true(gaps > 50 && (seen_open > 50 || fabs(offset) < 0.05));
+        /* Without, the sky is seen in all that opens but corners, which are amid covered pixels: those show what the panel
+         * has there, the leaf. */
+        assert_int_equal(wrong, source.opens ? 0 : seen_open - of_leaf);
+        assert_true(20 * of_leaf <= seen_open || fabs(offset) < 0.05);
         free(p.light);
     }
     crown_panel_free(&panel);
@@ -479,6 +565,7 @@ static void test_depth(void **state)
     crown_panel_flat(&panel, (const uint8_t[4]){90, 90, 90, 128}, 0.5);
     source.layer = &panel.panel.crowns;
     source.steep = SV_CROWN_STEEP;
+    source.opens = false;
     sv_crown_map(sv_vec3(0, 0, 0), 10, SV_CELL_SOUTH, &camera, 0, 0, source.m);
     double d = camera.near_m / 20;
     for (int n = 0; n < 32 * 32; n++)
@@ -502,6 +589,7 @@ int main(void)
         cmocka_unit_test(test_single_texel),    cmocka_unit_test(test_levels_agree),
         cmocka_unit_test(test_bands_and_rings), cmocka_unit_test(test_closed_is_left_out),
         cmocka_unit_test(test_depth),           cmocka_unit_test(test_silhouette),
+        cmocka_unit_test(test_what_opens),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }
