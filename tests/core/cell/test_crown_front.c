@@ -84,7 +84,7 @@ static void test_nearer_wins(void **state)
     (void)state;
     struct sv_rng rng = sv_rng_seeded(SEED, 1);
     long over = 0, under = 0, unsure = 0;
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 4; k++) {
         static struct scene s;
         static float light[PIXELS][4];
         scene_make(&rng, k, false, &s);
@@ -112,7 +112,7 @@ static void test_nearer_wins(void **state)
         crown_panel_free(&s.panel);
     }
     printf("%ld pixels over, %ld under what was gathered, %ld unsure\n", over, under, unsure);
-    assert_true(over > 5000 && under > 4000 && unsure < PIXELS);
+    assert_true(over > 5000 && under > 2000 && unsure < PIXELS);
 }
 
 /* Levels, bands, and leaving out what is hidden: the same bytes. */
