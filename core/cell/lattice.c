@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "core/base/hash.h"
+#include "core/base/shell.h"
 
 void sv_cell_rings_make(double outer_m, double inner_m, double pitch, struct sv_cell_rings *rings)
 {
@@ -113,10 +114,16 @@ struct sv_cell_shell sv_cell_shell(const struct sv_cell_rings *rings, const stru
     return shell;
 }
 
-bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, double height_m)
+/* Whether the tree is in the cube as it is for it. */
+static bool holds(struct sv_vec3 v, double distance_m, struct sv_vec3 foot, double height_m, double reach_m)
 {
-    return !sv_cell_in_cube(shell->v, shell->distance_m, foot, height_m) &&
-           (isinf(shell->outer_m) || sv_cell_in_cube(shell->outer_v, shell->outer_m, foot, height_m));
+    return sv_cell_in_cube(v, distance_m + sv_shell_growth_m(distance_m, reach_m), foot, height_m);
+}
+
+bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, double height_m, double reach_m)
+{
+    return !holds(shell->v, shell->distance_m, foot, height_m, reach_m) &&
+           (isinf(shell->outer_m) || holds(shell->outer_v, shell->outer_m, foot, height_m, reach_m));
 }
 
 /* How far along n (each component -1, 0 or 1) the box about V reaches. */
@@ -152,10 +159,10 @@ bool sv_cell_sees_box(const struct sv_cell_shell *shell, enum sv_cell_face face,
 }
 
 int sv_cell_ring_of(const struct sv_cell_rings *rings, const struct sv_cell_place *chain, struct sv_vec3 foot,
-                    double height_m)
+                    double height_m, double reach_m)
 {
     for (int r = 0; r < rings->count; r++)
-        if (sv_cell_in_cube(chain[r].v, rings->distance_m[r], foot, height_m))
+        if (holds(chain[r].v, rings->distance_m[r], foot, height_m, reach_m))
             return r - 1;
     return rings->count - 1;
 }

@@ -14,7 +14,8 @@
  * up to a cell of (2 - 2^-j) s_j about V_j, moved down by as much with V at the top: a pitch of half the
  * radius that a ring's panels bear (region.h) keeps every ring. A cell reaches s_j from its centre along an
  * axis and no farther along any, so |V_j - V_{j+1}| <= s_{j+1} along each axis, 2 s_{j+1} along z with V at
- * the top. Cubes nest where 2 s_{j+1} + D_j <= D_{j+1}, that is pitch <= 1/4. Plain values, any thread. */
+ * the top. Cubes nest where 2 s_{j+1} + D_j <= D_{j+1}, that is pitch <= 1/4; for a tree with a crown the inner one may
+ * be larger by D_j / 2 (core/base/shell.h), and they nest where pitch <= 1/8. Plain values, any thread. */
 #ifndef SV_CELL_LATTICE_H
 #define SV_CELL_LATTICE_H
 
@@ -34,9 +35,9 @@ enum sv_cell_face {
 };
 enum { SV_CELL_RINGS_MAX = 12, SV_CELL_NEAR = -1 };
 
-/* A little under 1/4, so that rounding cannot make cubes cross: 0.02 D_1 is left, coordinates of 1e7 m round
+/* A little under 1/8, so that rounding cannot make cubes cross: 0.01 D_1 is left, coordinates of 1e7 m round
  * to 2e-9 m. */
-#define SV_CELL_PITCH_MAX 0.24
+#define SV_CELL_PITCH_MAX 0.12
 
 struct sv_cell_rings {
     int count;                            /* 1 .. SV_CELL_RINGS_MAX; 0: made from what is not legal */
@@ -81,17 +82,18 @@ struct sv_cell_shell {
 };
 struct sv_cell_shell sv_cell_shell(const struct sv_cell_rings *rings, const struct sv_cell_place *place,
                                    bool top);
-/* Whether the segment (as in sv_cell_in_cube) belongs to the shell. */
-bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, double height_m);
+/* Whether a tree of that axis (as in sv_cell_in_cube), whose crown reaches reach_m around it, belongs to the shell, whose
+ * cubes are grown for it (core/base/shell.h). */
+bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, double height_m, double reach_m);
 /* Whether anything in the box (low <= high along each axis) can be seen on the panel of that face: false only
  * where it lies all outside the face's pyramid, all inside the inner cube, or all outside the outer one. What
  * counts for a tree is a box around its axis, crown and shadow. NaN: true. */
 bool sv_cell_sees_box(const struct sv_cell_shell *shell, enum sv_cell_face face, struct sv_vec3 low,
                       struct sv_vec3 high);
-/* The one ring of a chain in whose shell the segment is, or SV_CELL_NEAR where it meets cube(V_0, D_0). NaN:
+/* The one ring of a chain in whose shell the tree is, or SV_CELL_NEAR where it is in cube(V_0, D_0). NaN:
  * the last ring. */
 int sv_cell_ring_of(const struct sv_cell_rings *rings, const struct sv_cell_place *chain, struct sv_vec3 foot,
-                    double height_m);
+                    double height_m, double reach_m);
 
 /* All that tells one panel from another. */
 struct sv_cell_key_parts {

@@ -45,8 +45,8 @@ const char *sv_tree_form_name(enum sv_tree_form form);
 bool sv_tree_form_on_canvas(enum sv_tree_form form);
 
 /* Between two cubes with sides along the axes: outside of the inner one, not outside of the outer one. A tree
- * is in a cube when its axis, foot to top, meets it; so nested cubes part a forest into trees that are in one
- * shell each. */
+ * is in a cube when its axis, foot to top, meets it as it is grown for the crown (core/base/shell.h); so nested cubes part
+ * a forest into trees that are in one shell each. */
 struct sv_tree_shell {
     struct sv_vec3 inner, outer; /* centres, world */
     double inner_m, outer_m;     /* half sides; inner_m < 0: none; outer_m = INFINITY: none */

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/base/shell.h"
+
 enum { RADIX_BITS = 11, RADIX = 1 << RADIX_BITS, PASSES = 3, STACK = 64 };
 enum relation { OUTSIDE, CROSSING, INSIDE };
 
@@ -76,10 +78,12 @@ static double axis_distance_m(const struct sv_tree *tree, struct sv_vec3 center)
     return fmax(fmax(fabs(tree->x - center.x), fabs(tree->y - center.y)), fmax(fmax(below, above), 0));
 }
 
-static bool in_shell(const struct sv_tree *tree, const struct sv_tree_shell *shell)
+/* radius: of the crown, in heights. */
+static bool in_shell(const struct sv_tree *tree, float radius, const struct sv_tree_shell *shell)
 {
-    return axis_distance_m(tree, shell->inner) > shell->inner_m &&
-           axis_distance_m(tree, shell->outer) <= shell->outer_m;
+    double reach = (double)tree->height_m * (double)radius;
+    return axis_distance_m(tree, shell->inner) > shell->inner_m + sv_shell_growth_m(shell->inner_m, reach) &&
+           axis_distance_m(tree, shell->outer) <= shell->outer_m + sv_shell_growth_m(shell->outer_m, reach);
 }
 
 /* Least and largest Chebyshev distance of a box (relative to the eye) from a centre. */
@@ -95,7 +99,8 @@ static void box_distances_m(const struct box *box, struct sv_vec3 center, struct
     }
 }
 
-/* Whether trees whose boxes the box holds may be in the shell: their axes are in it. */
+/* Whether trees whose boxes the box holds may be in the shell. An axis is beyond the outer cube by at most what its
+ * crown reaches, and the box holds that. */
 static bool may_meet(const struct box *box, const struct sv_tree_shell *shell, struct sv_vec3 eye)
 {
     double inner[2], outer[2];
@@ -118,8 +123,9 @@ static void add_trees(const struct cull *c, const struct sv_forest_node *node, b
 {
     for (uint32_t k = node->first; k < node->first + node->count; k++) {
         const struct sv_tree *tree = &c->forest->trees[k];
-        struct box box = tree_box(tree, c->species[tree->species].radius, c->camera->eye);
-        if ((!all && relate(&box, c->planes) == OUTSIDE) || (c->shell && !in_shell(tree, c->shell)))
+        float radius = c->species[tree->species].radius;
+        struct box box = tree_box(tree, radius, c->camera->eye);
+        if ((!all && relate(&box, c->planes) == OUTSIDE) || (c->shell && !in_shell(tree, radius, c->shell)))
             continue;
         uint32_t key = sv_cull_order_code((float)sv_cull_distance_m(c->camera, tree));
         list->entries[list->count++] = (struct sv_cull_entry){key, k};

@@ -27,7 +27,7 @@ static bool is_seen(const struct sv_scene *scene, const struct sv_panels_order *
 {
     double h = (double)tree->height_m, r = h * (double)scene->species[tree->species].mesh.radius;
     struct sv_vec3 foot = sv_vec3(tree->x, tree->y, tree->z);
-    return sv_cell_in_shell(&order->shell, foot, h) &&
+    return sv_cell_in_shell(&order->shell, foot, h, r) &&
            sv_cell_sees_box(&order->shell, order->about.face, sv_sub(foot, sv_vec3(r, r, r)),
                             sv_add(foot, sv_vec3(r, r, h + r)));
 }

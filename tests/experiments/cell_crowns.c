@@ -87,7 +87,7 @@ struct filter {
 static bool passes(const struct filter *f, const struct sv_tree *tree)
 {
     struct sv_vec3 foot = sv_vec3(tree->x, tree->y, tree->z);
-    return f->shell ? sv_cell_in_shell(f->shell, foot, tree->height_m)
+    return f->shell ? sv_cell_in_shell(f->shell, foot, tree->height_m, 0)
                     : !sv_cell_in_cube(f->v, f->cube_m, foot, tree->height_m);
 }
 

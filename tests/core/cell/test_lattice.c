@@ -80,7 +80,7 @@ static double nearest_by_search(const double u[3])
 static void an_eye_belongs_to_the_nearest_point(void **state)
 {
     (void)state;
-    struct sv_cell_rings rings = rings_of(100, 6, 0.13);
+    struct sv_cell_rings rings = rings_of(100, 6, 0.11);
     double s = rings.pitch * rings.distance_m[0];
     struct sv_rng rng = sv_rng_seeded(5, 1);
     for (int t = 0; t < 30000; t++) {
@@ -102,7 +102,7 @@ static void an_eye_belongs_to_the_nearest_point(void **state)
 static void ties_go_one_way(void **state)
 {
     (void)state;
-    struct sv_cell_rings rings = rings_of(64, 8, 0.125); /* steps are powers of two: every product is exact */
+    struct sv_cell_rings rings = rings_of(64, 8, 0.0625); /* steps are powers of two: every product is exact */
     double s = rings.pitch * rings.distance_m[0];
     int ties = 0;
     for (int code = 0; code < 9 * 9 * 9; code++) {
@@ -131,7 +131,7 @@ static void assert_in_cell(struct sv_vec3 d, double size)
 static void chains_stay_near_and_nest(void **state)
 {
     (void)state;
-    static const double pitches[] = {0.03, 0.125, SV_CELL_PITCH_MAX};
+    static const double pitches[] = {0.03, 0.0625, SV_CELL_PITCH_MAX};
     struct sv_rng rng = sv_rng_seeded(5, 2);
     for (int t = 0; t < 30000; t++) {
         struct sv_cell_rings rings = rings_of(100, 1.5, pitches[t % 3]);
@@ -228,20 +228,21 @@ static void every_segment_is_in_one_ring(void **state)
             struct sv_vec3 foot = sv_add(eye, random_point(&rng, reach));
             if (n % 3 == 0) /* exactly on a cube's plane */
                 foot.x = chain[n % rings.count].v.x + rings.distance_m[n % rings.count];
-            double height = sv_rng_range(&rng, 0, 45);
-            int found = sv_cell_in_cube(chain[0].v, rings.distance_m[0], foot, height), ring = SV_CELL_NEAR;
+            double height = sv_rng_range(&rng, 0, 45), crown = n % 2 ? sv_rng_range(&rng, 0, 20) : 0;
+            double near = rings.distance_m[0] + fmax(fmin(crown - rings.distance_m[0] / 2, rings.distance_m[0] / 2), 0);
+            int found = sv_cell_in_cube(chain[0].v, near, foot, height), ring = SV_CELL_NEAR;
             for (int r = 0; r < rings.count; r++) {
                 struct sv_cell_shell shell = sv_cell_shell(&rings, &chain[r], top);
-                if (!sv_cell_in_shell(&shell, foot, height))
+                if (!sv_cell_in_shell(&shell, foot, height, crown))
                     continue;
                 ring = r;
                 found++;
             }
             assert_int_equal(found, 1);
-            assert_int_equal(sv_cell_ring_of(&rings, chain, foot, height), ring);
+            assert_int_equal(sv_cell_ring_of(&rings, chain, foot, height, crown), ring);
             seen[ring + 1]++;
         }
-        assert_int_equal(sv_cell_ring_of(&rings, chain, sv_vec3(NAN, 0, 0), 1), rings.count - 1);
+        assert_int_equal(sv_cell_ring_of(&rings, chain, sv_vec3(NAN, 0, 0), 1, 0), rings.count - 1);
     }
     for (int r = 0; r < 6; r++)
         assert_true(seen[r] > 1000);
@@ -354,7 +355,7 @@ static bool vary(int n, struct sv_cell_rings *rings, struct sv_cell_key_parts *p
         p->scene++;
         return true;
     case 9:
-        *rings = rings_of(100, 6, 0.125);
+        *rings = rings_of(100, 6, 0.0625);
         *at = sv_cell_place_at(rings, at->ring, at->i, at->j, at->k, true);
         return true;
     case 10:

@@ -88,8 +88,11 @@ static bool outside(const struct sv_tree *tree, double radius, struct sv_vec3 ey
     return false;
 }
 
-static bool in_cube(const struct sv_tree *tree, struct sv_vec3 middle, double half_m)
+/* reach_m: of the crown, for which the cube is larger (core/base/shell.h). */
+static bool in_cube(const struct sv_tree *tree, double reach_m, struct sv_vec3 middle, double half_m)
 {
+    if (reach_m > half_m / 2)
+        half_m = half_m + (reach_m < half_m ? reach_m - half_m / 2 : half_m / 2);
     return half_m >= 0 && fabs(tree->x - middle.x) <= half_m && fabs(tree->y - middle.y) <= half_m &&
            tree->z <= middle.z + half_m && tree->z + (double)tree->height_m >= middle.z - half_m;
 }
@@ -127,9 +130,10 @@ static void culling_matches_brute_force(void **state)
         for (uint32_t k = 0; k < list.count; k++)
             drawn[list.entries[k].tree]++;
         for (uint32_t k = 0; k < TREES; k++) {
-            bool want = !outside(&f.trees[k], (double)species[f.trees[k].species].radius, eye, planes) &&
-                        (!shell || (!in_cube(&f.trees[k], shell->inner, shell->inner_m) &&
-                                    in_cube(&f.trees[k], shell->outer, shell->outer_m)));
+            double radius = (double)species[f.trees[k].species].radius, reach = (double)f.trees[k].height_m * radius;
+            bool want = !outside(&f.trees[k], radius, eye, planes) &&
+                        (!shell || (!in_cube(&f.trees[k], reach, shell->inner, shell->inner_m) &&
+                                    in_cube(&f.trees[k], reach, shell->outer, shell->outer_m)));
             /* A tree's box that touches a plane may fall on either side by rounding: none does with these
              * seeds. */
             assert_int_equal(drawn[k], want);
