@@ -273,12 +273,12 @@ static int refined_slot(struct sv_shadow_pages *pages, int level, int i, int j)
     return k;
 }
 
-uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int i, int j, int *found)
+uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int last, int i, int j, int *found)
 {
     if (pages->wishes)
         note(pages->wishes, level, i, j);
     pages->clock++;
-    for (int l = level;; l++, i >>= 1, j >>= 1) {
+    for (int l = level; l <= last; l++, i >>= 1, j >>= 1) {
         int k = refined_slot(pages, l, i, j);
         *found = l;
         if (k != NONE) {
@@ -286,9 +286,8 @@ uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, 
             return (uint32_t)k * TEXELS;
         }
         pages->lacking += l == level;
-        if (l >= pages->finest)
-            return sv_shadow_pages_want(pages, l, i, j);
     }
+    return SV_SHADOW_PAGE_NONE;
 }
 
 /* ---- what is no longer so ---- */
