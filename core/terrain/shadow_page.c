@@ -223,6 +223,11 @@ void sv_shadow_pages_note(struct sv_shadow_pages *pages, struct sv_shadow_wishes
     pages->wishes = wishes;
 }
 
+bool sv_shadow_pages_notes(const struct sv_shadow_pages *pages)
+{
+    return pages->wishes != NULL;
+}
+
 static bool is_wish(const struct sv_shadow_wish *w, int level, int i, int j)
 {
     return w->level == level && w->i == i && w->j == j;

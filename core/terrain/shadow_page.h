@@ -90,6 +90,7 @@ struct sv_shadow_wishes {
 };
 /* From now on they are noted, whether the source has them or not; NULL: no longer. Borrowed. */
 void sv_shadow_pages_note(struct sv_shadow_pages *pages, struct sv_shadow_wishes *wishes);
+bool sv_shadow_pages_notes(const struct sv_shadow_pages *pages); /* they are noted */
 
 /* Where a page lies. Its texels are those of the level's lattice from column STEP i - 1 and row STEP j - 1
  * on. */
