@@ -278,7 +278,8 @@ static int refined_slot(struct sv_shadow_pages *pages, int level, int i, int j)
     return k;
 }
 
-uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int last, int i, int j, int *found)
+uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int last, int i, int j,
+                                      int *found)
 {
     if (pages->wishes)
         note(pages->wishes, level, i, j);

@@ -314,8 +314,8 @@ static int grey_of(const struct sv_shadow_pages *pages, uint32_t at)
     return sv_shadow_pages_light(pages)[at + SIDE * SIDE / 2];
 }
 
-/* Of all sets of pages that a source may have of one column of levels: the finest that it has between two levels is
- * taken, by the definition; nothing is built for it. */
+/* Of all sets of pages that a source may have of one column of levels: the finest that it has between two
+ * levels is taken, by the definition; nothing is built for it. */
 static void the_finest_there_is(void **state)
 {
     (void)state;
@@ -348,8 +348,8 @@ static void the_finest_there_is(void **state)
     sv_shadow_pages_destroy(pages);
 }
 
-/* What the source says is asked for once a version; what it has no longer, or has anew, is followed; who uses no
- * source never sees it. */
+/* What the source says is asked for once a version; what it has no longer, or has anew, is followed; who uses
+ * no source never sees it. */
 static void follows_its_source(void **state)
 {
     (void)state;
@@ -448,7 +448,8 @@ static void wishes_are_noted(void **state)
     (void)sv_shadow_pages_want_refined(pages, -1, 0, 9, 9, &found);
     sv_shadow_pages_note(pages, &wishes);
     for (int k = 0; k < 60; k++)
-        (void)sv_shadow_pages_want_refined(pages, -1, 0, k % 6, 0, &found); /* those that the source has, too */
+        (void)sv_shadow_pages_want_refined(pages, -1, 0, k % 6, 0,
+                                           &found); /* those that the source has, too */
     sv_shadow_pages_note(pages, NULL);
     (void)sv_shadow_pages_want_refined(pages, -1, 0, 0, 0, &found);
     assert_int_equal(wishes.count, 4);
