@@ -276,7 +276,8 @@ static void set_shadows(struct sv_ground_job *job, const struct sv_ground *groun
         return;
     job->light = sv_shadow_pages_light(pages);
     job->refined = sv_shadow_pages_refines(pages);
-    job->finest = sv_shadow_pages_finest(pages) - (job->refined ? SV_SHADOW_PAGE_FINER : 0);
+    job->noting = sv_shadow_pages_notes(pages);
+    job->finest = sv_shadow_pages_finest(pages);
     for (int l = 0; l < SV_GROUND_PAGE_LEVELS; l++) {
         double side = ldexp(SV_SHADOW_PAGE_TEXEL_M, l - SV_SHADOW_PAGE_FINER) * SV_SHADOW_PAGE_STEP;
         /* An eye that stands very far off the field sees it in coarse levels only. */

@@ -57,7 +57,8 @@ struct sv_ground_job {
     /* shadows; NULL: none */
     struct sv_shadow_pages *pages;
     const uint8_t *light;
-    bool refined; /* pages of a source are in use */
+    bool refined; /* pages of a source are in use, */
+    bool noting;  /* and all that are wanted are noted */
     int finest;
     /* of levels from -FINER on: the eye, texels, from its page's corner */
     float page_x[SV_GROUND_PAGE_LEVELS], page_y[SV_GROUND_PAGE_LEVELS];

@@ -223,6 +223,11 @@ void sv_shadow_pages_note(struct sv_shadow_pages *pages, struct sv_shadow_wishes
     pages->wishes = wishes;
 }
 
+bool sv_shadow_pages_notes(const struct sv_shadow_pages *pages)
+{
+    return pages->wishes != NULL;
+}
+
 static bool is_wish(const struct sv_shadow_wish *w, int level, int i, int j)
 {
     return w->level == level && w->i == i && w->j == j;
@@ -273,12 +278,13 @@ static int refined_slot(struct sv_shadow_pages *pages, int level, int i, int j)
     return k;
 }
 
-uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int i, int j, int *found)
+uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int last, int i, int j,
+                                      int *found)
 {
     if (pages->wishes)
         note(pages->wishes, level, i, j);
     pages->clock++;
-    for (int l = level;; l++, i >>= 1, j >>= 1) {
+    for (int l = level; l <= last; l++, i >>= 1, j >>= 1) {
         int k = refined_slot(pages, l, i, j);
         *found = l;
         if (k != NONE) {
@@ -286,9 +292,8 @@ uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, 
             return (uint32_t)k * TEXELS;
         }
         pages->lacking += l == level;
-        if (l >= pages->finest)
-            return sv_shadow_pages_want(pages, l, i, j);
     }
+    return SV_SHADOW_PAGE_NONE;
 }
 
 /* ---- what is no longer so ---- */

@@ -69,10 +69,12 @@ void sv_shadow_pages_use(struct sv_shadow_pages *pages, const struct sv_shadow_s
  * texel lies in sv_shadow_pages_light. Row 0 is the south row. Valid until SV_SHADOW_PAGES - 1 others were
  * wanted. */
 uint32_t sv_shadow_pages_want(struct sv_shadow_pages *pages, int level, int i, int j);
-/* The same where a source is in use, for any level >= -FINER: its page where it has one, else of the next
- * coarser level, until a level that is built, from which on the page is the source's or built. *found: its
- * level; the page there is (i >> (*found - level), j >> ...). */
-uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int i, int j, int *found);
+/* Where a source is in use, for any levels from -FINER on: the source's page of `level` where it has one,
+ * else of the next coarser level, up to `last`. *found: its level; the page there is (i >> (*found - level),
+ * j >> ...). SV_SHADOW_PAGE_NONE: it has none of them. Nothing is filled. */
+#define SV_SHADOW_PAGE_NONE UINT32_MAX
+uint32_t sv_shadow_pages_want_refined(struct sv_shadow_pages *pages, int level, int last, int i, int j,
+                                      int *found);
 bool sv_shadow_pages_refines(const struct sv_shadow_pages *pages); /* a source is in use */
 /* How many times a page was wanted refined that the source does not have, since creation. */
 uint64_t sv_shadow_pages_lacking(const struct sv_shadow_pages *pages);
@@ -89,6 +91,7 @@ struct sv_shadow_wishes {
 };
 /* From now on they are noted, whether the source has them or not; NULL: no longer. Borrowed. */
 void sv_shadow_pages_note(struct sv_shadow_pages *pages, struct sv_shadow_wishes *wishes);
+bool sv_shadow_pages_notes(const struct sv_shadow_pages *pages); /* they are noted */
 
 /* Where a page lies. Its texels are those of the level's lattice from column STEP i - 1 and row STEP j - 1
  * on. */

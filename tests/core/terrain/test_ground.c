@@ -424,6 +424,12 @@ static uint64_t some_pages(void *context, int level, int i, int j, uint64_t have
     return h;
 }
 
+static uint64_t no_pages(void *context, int level, int i, int j, uint64_t have, uint8_t *light)
+{
+    (void)context, (void)level, (void)i, (void)j, (void)have, (void)light;
+    return 0;
+}
+
 /* With a source in use, too; and the source changes what it should and nothing else. */
 static void simd_is_plain_of_refined_pages(void **state)
 {
@@ -460,6 +466,13 @@ static void simd_is_plain_of_refined_pages(void **state)
         sv_ground_shade(ground, &p.view, p.rgba);
         assert_memory_equal(built, p.rgba, sizeof built);
         changed += memcmp(plain, built, sizeof built) != 0;
+        /* A source that has nothing changes nothing. */
+        struct sv_shadow_scene empty = scene;
+        empty.refined = (struct sv_shadow_source){no_pages, NULL, 2};
+        p.view.shadows = pages;
+        sv_shadow_pages_use(pages, &empty);
+        sv_ground_shade(ground, &p.view, p.rgba);
+        assert_memory_equal(built, p.rgba, sizeof built);
     }
     assert_true(changed > 40);
     sv_shadow_pages_destroy(pages);

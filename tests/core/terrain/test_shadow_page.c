@@ -314,8 +314,8 @@ static int grey_of(const struct sv_shadow_pages *pages, uint32_t at)
     return sv_shadow_pages_light(pages)[at + SIDE * SIDE / 2];
 }
 
-/* Of all sets of pages that a source may have of one column of levels: the finest that it has of the wanted
- * level or above is taken, or what is built, by the definition. */
+/* Of all sets of pages that a source may have of one column of levels: the finest that it has between two
+ * levels is taken, by the definition; nothing is built for it. */
 static void the_finest_there_is(void **state)
 {
     (void)state;
@@ -329,24 +329,22 @@ static void the_finest_there_is(void **state)
                 had[had_count++] = (struct had){level, fi >> bit, fj >> bit, 100 + set, (uint8_t)(10 + bit)};
         struct sv_shadow_scene s = refined_scene(set + 1);
         sv_shadow_pages_use(pages, &s);
-        for (int level = -SV_SHADOW_PAGE_FINER, bit = 0; level < TOP; level++, bit++) {
-            int want = level, found = 99;
-            while (want < 0 && !(set >> (want + SV_SHADOW_PAGE_FINER) & 1))
-                want++;
-            bool refined = set >> (want + SV_SHADOW_PAGE_FINER) & 1;
-            uint64_t lacking = sv_shadow_pages_lacking(pages), filled = sv_shadow_pages_filled(pages);
-            uint32_t at = sv_shadow_pages_want_refined(pages, level, fi >> bit, fj >> bit, &found);
-            int up = found - level;
-            assert_int_equal(found, want);
-            assert_int_equal(sv_shadow_pages_lacking(pages) - lacking, !(set >> bit & 1));
-            if (refined) {
-                assert_int_equal(grey_of(pages, at), 10 + found + SV_SHADOW_PAGE_FINER);
-                assert_int_equal(sv_shadow_pages_filled(pages), filled);
-            } else {
-                assert_int_equal(at, sv_shadow_pages_want(pages, found, fi >> (bit + up), fj >> (bit + up)));
+        for (int level = -SV_SHADOW_PAGE_FINER, bit = 0; level < TOP; level++, bit++)
+            for (int last = level; last < TOP; last++) {
+                int want = level, found = 99;
+                while (want <= last && !(set >> (want + SV_SHADOW_PAGE_FINER) & 1))
+                    want++;
+                uint64_t lacking = sv_shadow_pages_lacking(pages);
+                uint32_t at = sv_shadow_pages_want_refined(pages, level, last, fi >> bit, fj >> bit, &found);
+                assert_int_equal(sv_shadow_pages_lacking(pages) - lacking, !(set >> bit & 1));
+                assert_true((at == SV_SHADOW_PAGE_NONE) == (want > last));
+                if (want <= last) {
+                    assert_int_equal(found, want);
+                    assert_int_equal(grey_of(pages, at), 10 + found + SV_SHADOW_PAGE_FINER);
+                }
             }
-        }
     }
+    assert_int_equal(sv_shadow_pages_filled(pages), 0);
     sv_shadow_pages_destroy(pages);
 }
 
@@ -365,18 +363,16 @@ static void follows_its_source(void **state)
     assert_true(sv_shadow_pages_refines(pages));
     had_count = reads = written = 0;
     for (int k = 0; k < 3; k++) {
-        uint32_t at = sv_shadow_pages_want_refined(pages, -1, 2, 2, &found);
-        assert_memory_equal(built, sv_shadow_pages_light(pages) + at, sizeof built);
+        assert_true(sv_shadow_pages_want_refined(pages, -1, 0, 2, 2, &found) == SV_SHADOW_PAGE_NONE);
         assert_int_equal(reads, 2); /* of two levels */
     }
     had[had_count++] = (struct had){-1, 2, 2, 8, 77};
-    (void)sv_shadow_pages_want_refined(pages, -1, 2, 2, &found);
-    assert_int_equal(found, 0);
+    assert_true(sv_shadow_pages_want_refined(pages, -1, 0, 2, 2, &found) == SV_SHADOW_PAGE_NONE);
     for (uint64_t version = 2; version < 4; version++) {
         s = refined_scene(version);
         sv_shadow_pages_use(pages, &s);
         for (int k = 0; k < 3; k++) {
-            assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 2, 2, &found)), 77);
+            assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 0, 2, 2, &found)), 77);
             assert_int_equal(found, -1);
         }
         assert_int_equal(reads, 1 + (int)version);
@@ -386,21 +382,21 @@ static void follows_its_source(void **state)
     had[0].grey = 78;
     s = refined_scene(4);
     sv_shadow_pages_use(pages, &s);
-    assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 2, 2, &found)), 78);
+    assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 0, 2, 2, &found)), 78);
     had[0].level = 0;
     had[0].i = had[0].j = 1;
     s = refined_scene(5);
     sv_shadow_pages_use(pages, &s);
-    assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 2, 2, &found)), 78);
+    assert_int_equal(grey_of(pages, sv_shadow_pages_want_refined(pages, -1, 0, 2, 2, &found)), 78);
     assert_int_equal(found, 0);
+    uint32_t at = sv_shadow_pages_want(pages, 0, 1, 1); /* built ones are others */
+    assert_memory_equal(built, sv_shadow_pages_light(pages) + at, sizeof built);
     sv_shadow_pages_use(pages, &plain);
-    assert_memory_equal(built, sv_shadow_pages_light(pages) + sv_shadow_pages_want(pages, 0, 1, 1),
-                        sizeof built);
+    assert_int_equal(sv_shadow_pages_want(pages, 0, 1, 1), at);
     had_count = 0;
     s = refined_scene(6);
     sv_shadow_pages_use(pages, &s);
-    uint32_t at = sv_shadow_pages_want_refined(pages, 0, 1, 1, &found);
-    assert_memory_equal(built, sv_shadow_pages_light(pages) + at, sizeof built);
+    assert_true(sv_shadow_pages_want_refined(pages, 0, 0, 1, 1, &found) == SV_SHADOW_PAGE_NONE);
     sv_shadow_pages_destroy(pages);
 }
 
@@ -423,11 +419,11 @@ static void refined_pages_give_way_too(void **state)
         sv_shadow_pages_use(pages, &s);
         for (int n = 0; n < 100; n++) {
             int i = (int)(sv_rng_next(&rng) % 64), found;
-            uint32_t at = sv_shadow_pages_want_refined(pages, -2, i, 3, &found);
+            uint32_t at = sv_shadow_pages_want_refined(pages, -2, 0, i, 3, &found);
             bool has = false;
             for (int k = 0; k < had_count; k++)
                 has |= had[k].i == i;
-            assert_true(has == (found == -2));
+            assert_true(has == (at != SV_SHADOW_PAGE_NONE));
             if (has)
                 assert_int_equal(grey_of(pages, at), i + 100 * (version % 3 == 1));
             if (n % 4 == 0)
@@ -449,12 +445,13 @@ static void wishes_are_noted(void **state)
     had[0] = (struct had){-1, 0, 0, 5, 1};
     had_count = 1;
     sv_shadow_pages_use(pages, &s);
-    (void)sv_shadow_pages_want_refined(pages, -1, 9, 9, &found);
+    (void)sv_shadow_pages_want_refined(pages, -1, 0, 9, 9, &found);
     sv_shadow_pages_note(pages, &wishes);
     for (int k = 0; k < 60; k++)
-        (void)sv_shadow_pages_want_refined(pages, -1, k % 6, 0, &found); /* those that the source has, too */
+        (void)sv_shadow_pages_want_refined(pages, -1, 0, k % 6, 0,
+                                           &found); /* those that the source has, too */
     sv_shadow_pages_note(pages, NULL);
-    (void)sv_shadow_pages_want_refined(pages, -1, 0, 0, &found);
+    (void)sv_shadow_pages_want_refined(pages, -1, 0, 0, 0, &found);
     assert_int_equal(wishes.count, 4);
     for (int k = 0; k < 4; k++) {
         assert_int_equal(list[k].level, -1);
