@@ -57,7 +57,7 @@ enum sv_status sv_crown_buffer_create(int width, int row_first, int row_count,
     b->shown = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
     b->least = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, sizeof *b->least);
     b->spent = calloc((size_t)b->blocks_x * (size_t)b->blocks_y, 1);
-    b->over = malloc((size_t)width * (size_t)row_count * sizeof *b->over);
+    b->over = malloc((size_t)width * SV_CROWN_BLOCK * sizeof *b->over);
     if (!b->keys || !b->closed || !b->shown || !b->least || !b->spent || !b->over) {
         sv_crown_buffer_destroy(b);
         return sv_fail(error, SV_ENOMEM, "band", "no memory for %d x %d pixels", width, row_count);
@@ -415,14 +415,14 @@ static float spent(float pass)
 }
 
 /* Light of the block over what has been gathered. Whether there is any. */
-static bool lay_over(const struct sv_crown_buffer *buffer, const struct block *b, const float *front,
-                     float (*light)[4])
+static bool lay_over(const struct sv_crown_buffer *buffer, const struct block *b, size_t skip,
+                     const float *front, float (*light)[4])
 {
     bool any = false;
     for (int j = b->j0; j < b->j1; j++)
         for (int i = b->i0; i < b->i1; i++) {
             size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
-            const float *over = buffer->over[p];
+            const float *over = buffer->over[p - skip];
             if (!(front[p] < INFINITY) || over[3] == 1)
                 continue;
             for (int c = 0; c < 3; c++)
@@ -443,14 +443,15 @@ static void end_spent(const struct sv_crown_buffer *buffer, const struct block *
         }
 }
 
-/* Nothing is over the block yet; lets through only what something can go over. False: there is no such pixel. */
-static bool open_block(struct sv_crown_buffer *buffer, const struct block *b, const float *front)
+/* Nothing is over the block yet; lets through only what something can go over. False: there is no such pixel.
+ */
+static bool open_block(struct sv_crown_buffer *buffer, const struct block *b, size_t skip, const float *front)
 {
     bool any = false;
     for (int j = b->j0; j < b->j1; j++)
         for (int i = b->i0; i < b->i1; i++) {
             size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
-            float *over = buffer->over[p];
+            float *over = buffer->over[p - skip];
             bool has = front[p] < INFINITY;
             over[0] = over[1] = over[2] = 0;
             over[3] = has;
@@ -470,15 +471,16 @@ void sv_crown_resolve_front_at(const struct sv_crown_kernel *kernel, const struc
     resolve.light = buffer->over;
     for (int k = 0; k < buffer->blocks_x * buffer->blocks_y; k++) {
         struct block b = block_at(buffer, k % buffer->blocks_x, k / buffer->blocks_x);
-        if (!buffer->shown[k] || !open_block(buffer, &b, front))
+        resolve.skip = (size_t)b.j0 * (size_t)buffer->width;
+        if (!buffer->shown[k] || !open_block(buffer, &b, resolve.skip, front))
             continue;
         (void)kernel->block(&resolve, b.i0, b.i1, b.j0, b.j1);
-        buffer->spent[k] = lay_over(buffer, &b, front, light);
+        buffer->spent[k] = lay_over(buffer, &b, resolve.skip, front, light);
     }
 }
 
-void sv_crown_resolve_front(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
-                            const float *front, float (*light)[4])
+void sv_crown_resolve_front(const struct sv_crown_source *sources, unsigned count,
+                            struct sv_crown_buffer *buffer, const float *front, float (*light)[4])
 {
     sv_crown_resolve_front_at(sv_crown_kernel_of(sv_simd_level()), sources, count, buffer, front, light);
 }

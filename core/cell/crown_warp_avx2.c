@@ -495,7 +495,8 @@ static inline bool draw_pixels(const struct sv_crown_resolve *r, int i, int j)
 {
     struct sv_crown_buffer *buffer = r->buffer;
     size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
-    unsigned open = open_of(r->light + p);
+    float(*light)[4] = r->light + (p - r->skip);
+    unsigned open = open_of(light);
     if (open == 0)
         return true;
     const uint64_t *keys = sv_crown_at(buffer, i, j);
@@ -514,7 +515,7 @@ static inline bool draw_pixels(const struct sv_crown_resolve *r, int i, int j)
     if (r->opens && (open & ~mask & ~covered))
         look_around(r, keys, open & ~mask & ~covered, i, j);
     if (mask == 0)
-        return open_of(r->light + p) == 0;
+        return open_of(light) == 0;
     __m256i number = _mm256_srli_epi32(shown.tag, SV_CROWN_TEXEL_BITS), left = lanes_of(mask);
     __m256i texel = _mm256_and_si256(shown.tag, _mm256_set1_epi32((int)SV_CROWN_TEXEL_MASK));
     __m256 x = _mm256_add_ps(_mm256_set1_ps((float)i), _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7));
@@ -525,10 +526,10 @@ static inline bool draw_pixels(const struct sv_crown_resolve *r, int i, int j)
         uint32_t k = numbers[__builtin_ctz(mask)];
         __m256i chosen = _mm256_and_si256(left, _mm256_cmpeq_epi32(number, _mm256_set1_epi32((int)k)));
         if (r->sources[k].legal)
-            compose(&r->sources[k], texel, chosen, x, y, r->light + p);
+            compose(&r->sources[k], texel, chosen, x, y, light);
         mask &= ~(unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(chosen));
     }
-    return open_of(r->light + p) == 0;
+    return open_of(light) == 0;
 }
 
 static bool block_avx2(const struct sv_crown_resolve *r, int i0, int i1, int j0, int j1)

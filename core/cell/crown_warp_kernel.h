@@ -37,7 +37,7 @@ struct sv_crown_buffer {
     uint8_t *shown;  /* ... resolve may find a key there, or beside it, since the last clear */
     float *least;    /* of closed ones: texels of less depth are behind all that has been gathered there */
     uint8_t *spent;  /* ... something went over some pixel, which is marked as one that lets nothing through */
-    float (*over)[4]; /* of pixels of the band: light in front of what has been gathered (resolve_front) */
+    float (*over)[4]; /* of a row of blocks: light in front of what has been gathered (resolve_front) */
 };
 
 /* The key of column i, row j of the band. */
@@ -110,6 +110,7 @@ struct sv_crown_resolve {
     float keep;         /* 1 - tolerance */
     bool opens;         /* some source does */
     float (*light)[4];
+    size_t skip; /* pixels of the band before the first one of light */
 };
 /* Pixels i0 <= i < i1, j0 <= j < j1 of the band (j counts from its first row); true when all of them are done
  * afterwards. */

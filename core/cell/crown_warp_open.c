@@ -48,5 +48,5 @@ void sv_crown_show_behind(const struct sv_crown_resolve *r, const uint64_t keys[
         return;
     float d = sv_crown_depth(least);
     if (!(r->depth && d < r->depth[p] * r->keep))
-        show_texel(&best, r->light[p]);
+        show_texel(&best, r->light[p - r->skip]);
 }

@@ -185,7 +185,7 @@ static bool draw_block(const struct sv_crown_resolve *r, int i0, int i1, int j0,
     for (int j = j0; j < j1; j++)
         for (int i = i0; i < i1; i++) {
             size_t p = (size_t)j * (size_t)buffer->width + (size_t)i;
-            float *light = r->light[p];
+            float *light = r->light[p - r->skip];
             if (!(light[3] >= SV_CROWN_PASS_MIN))
                 continue;
             const uint64_t *own = sv_crown_at(buffer, i, j);
