@@ -166,14 +166,16 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
  * form (ladder.h), how large the texels of a relief may be, and what holes that open as the eye moves in its cells may
  * change of a picture, levels of 255 (relief_pitch). Flights over 5,000 trees whose steps are 0.2, 0.1, 0.05 and 0.025
  * of their cells' distance are off by 6.27, 6.12, 5.91 and 5.83 levels of 64 samples, and have 105, 189, 294 and 429
- * panels built in 33 frames. */
+ * panels built in 33 frames. Leaves' samples, all and those before panels: walks among 45,000 trees of quality `high` are
+ * off by 0.209 levels with 8 of the latter and 0.173 with 16 (SSIM .9977 and .9981), for 251 and 420 ms; the ray cast of four
+ * samples by 0.190 (.9972) for 3,400. */
 static const struct {
     double terrain_error_px, tree_error_px, relief_texel_px, relief_holes;
     int leaf_samples, near_samples;
 } quality_table[SV_QUALITY_COUNT] = {
     [SV_QUALITY_FAST] = {2.0, 2, 2, 12, 2, 1},
     [SV_QUALITY_BALANCED] = {1.0, 1.5, 1, 6, 4, 1},
-    [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5, 3, 8, 8},
+    [SV_QUALITY_HIGH] = {0.5, 0.75, 0.5, 3, 16, 16},
     [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 3, 16, 16},
 };
 
