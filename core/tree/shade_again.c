@@ -109,7 +109,7 @@ static void feet_along(const struct sv_forest *f, const struct sv_forest_node *n
 
 static int held_texel(double v, double texel, int64_t first_tile, int bits, int add)
 {
-    return (int)sv_clamp(floor(v / texel) - (double)(first_tile << bits) + add, -1e9, 1e9);
+    return (int)sv_clamp(floor(v / texel) - (double)first_tile * (1 << bits) + add, -1e9, 1e9);
 }
 
 /* Texels that prints of the node's trees may touch. */

@@ -209,7 +209,7 @@ bool sv_shade_print_init(const struct sv_shade_canvas *c, const struct sv_shade_
     width *= grow;
     height *= grow;
     double i0 = floor((left - 0.5 * texel) / c->texel), j0 = floor((top - height - 0.5 * texel) / c->texel);
-    double first_x = (double)(c->tile_x << c->tile_bits), first_y = (double)(c->tile_y << c->tile_bits);
+    double side = 1 << c->tile_bits, first_x = (double)c->tile_x * side, first_y = (double)c->tile_y * side;
     p->i0 = (int)(i0 - first_x);
     p->i1 = (int)(ceil((left + width + 0.5 * texel) / c->texel) - first_x);
     p->j0 = (int)(j0 - first_y);
