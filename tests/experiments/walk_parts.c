@@ -17,7 +17,8 @@ static enum walk_part part_of_tree(const struct forest *forest, const struct sv_
         const struct sv_tree *t = &trees->trees[k];
         if (t->number != number)
             continue;
-        double height = (double)t->height_m, reach = height * (double)forest->scene->species[t->species].mesh.radius;
+        double height = (double)t->height_m,
+               reach = height * (double)forest->scene->species[t->species].mesh.radius;
         int ring = sv_cell_ring_of(&rings->rings, rings->chain, sv_vec3(t->x, t->y, t->z), height, reach);
         return ring < rings->crowns_first ? WALK_NEAR : (enum walk_part)(WALK_RING + ring);
     }

@@ -232,14 +232,18 @@ static bool is_other(const struct sv_panel_layer *layer, double code, double u, 
     return there != 0 && fabs(there - code) > (double)SV_CROWN_SAME * code;
 }
 
-/* A pixel that nothing covers shows no other body, unless pixels are covered on all sides of it (crown_warp.h). */
-static void judge_fill(const struct sv_crown_source *sources, unsigned count, int i, int row, struct crown_truth *truth)
+/* A pixel that nothing covers shows no other body, unless pixels are covered on all sides of it
+ * (crown_warp.h). */
+static void judge_fill(const struct sv_crown_source *sources, unsigned count, int i, int row,
+                       struct crown_truth *truth)
 {
     const struct sv_panel_layer *layer = sources[truth->source].layer;
     double code = sv_panel_code(layer, truth->texel % layer->size, truth->texel / layer->size);
-    bool other = is_other(layer, code, truth->u, truth->v), above = false, below = false, left = false, right = false;
+    bool other = is_other(layer, code, truth->u, truth->v), above = false, below = false, left = false,
+         right = false;
     for (int k = 0; k < 4; k++)
-        truth->unsure |= is_other(layer, code, truth->u + (k & 1 ? 0.02 : -0.02), truth->v + (k & 2 ? 0.02 : -0.02)) != other;
+        truth->unsure |= is_other(layer, code, truth->u + (k & 1 ? 0.02 : -0.02),
+                                  truth->v + (k & 2 ? 0.02 : -0.02)) != other;
     if (!other)
         return;
     for (int y = -SV_CROWN_REACH; y <= SV_CROWN_REACH; y++)

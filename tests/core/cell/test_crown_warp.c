@@ -124,7 +124,8 @@ static void test_brute_force(void **state)
 
 /* ---- closed forms ---- */
 
-static double triangle(double steep, double t) /* 0 at even, 1 at odd whole numbers, as steep between as weights are */
+static double triangle(double steep,
+                       double t) /* 0 at even, 1 at odd whole numbers, as steep between as weights are */
 {
     double r = t - 2 * floor(t / 2), rise = r < 1 ? r : 2 - r;
     return fmin(fmax(steep * (rise - 0.5) + 0.5, 0), 1);
@@ -174,7 +175,8 @@ static void test_plane_homography(void **state)
             double vs = (1 - sv_dot(hit, up) / sv_dot(hit, forward)) * 32 - 0.5;
             if (!(along > camera.near_m && us > 0 && us < 63 && vs > 0 && vs < 63))
                 continue;
-            double error = fabs(triangle((double)source.steep, k & 4 ? vs : us) - (1 - (double)p.light[n][3]));
+            double error =
+                fabs(triangle((double)source.steep, k & 4 ? vs : us) - (1 - (double)p.light[n][3]));
             worst = fmax(worst, error);
             seen++;
             if (!(error <= 1.0 / 256 + 0.04 * (double)source.steep))
@@ -432,8 +434,8 @@ static void test_closed_is_left_out(void **state)
     crown_panel_free(&panel);
 }
 
-/* A crown before a wood whose tops are just above its own, seen from lower: it stands up into the sky. Beside it the
- * panel has the wood, which is seen where it is, and not in the sky around the crown. */
+/* A crown before a wood whose tops are just above its own, seen from lower: it stands up into the sky. Beside
+ * it the panel has the wood, which is seen where it is, and not in the sky around the crown. */
 static void test_silhouette(void **state)
 {
     (void)state;
@@ -464,7 +466,8 @@ static void test_silhouette(void **state)
         for (int k = 0; k < crown_top * SIDE; k++)
             assert_true(p.light[k][0] == 0 && p.light[k][3] == 1);
         for (int i = 26; i < 38; i++)
-            assert_true(p.light[(crown_top + 2) * SIDE + i][1] > 0.5f && p.light[(crown_top + 2) * SIDE + i][0] == 0);
+            assert_true(p.light[(crown_top + 2) * SIDE + i][1] > 0.5f &&
+                        p.light[(crown_top + 2) * SIDE + i][0] == 0);
         for (int i = 2; i < 20; i++)
             assert_true(p.light[(WOOD + 2) * SIDE + i][0] > 0.5f);
         free(p.light);
@@ -472,8 +475,8 @@ static void test_silhouette(void **state)
     crown_panel_free(&panel);
 }
 
-/* A leaf before a wall that goes on behind it, of which V sees a part, and a gap: as tangents from V, by the planes that
- * they stand in. From the right of V some of the wall is seen that V does not see. */
+/* A leaf before a wall that goes on behind it, of which V sees a part, and a gap: as tangents from V, by the
+ * planes that they stand in. From the right of V some of the wall is seen that V does not see. */
 enum { OPEN_SIDE = 128 };
 static const double LEAF_Q = 1.5, WALL_Q = 0.5, LEAF[4] = {-0.125, 0.125, -0.375, 0.375},
                     WALL[4] = {-0.625, 0.625, -0.625, 0.625}, GAP[4] = {0.25, 0.375, -0.625, 0.625};
@@ -498,8 +501,9 @@ static void leaf_and_wall(struct crown_panel *panel)
     crown_panel_pack(panel);
 }
 
-/* What rays from the eye, offset D to the right of V, meet: a point of plane D / q that it sees at x is seen at x +
- * offset q from V. 1: the leaf, 2: the wall, 0: nothing, -1: within two pixels of an edge. *opened: V does not see it. */
+/* What rays from the eye, offset D to the right of V, meet: a point of plane D / q that it sees at x is seen
+ * at x + offset q from V. 1: the leaf, 2: the wall, 0: nothing, -1: within two pixels of an edge. *opened: V
+ * does not see it. */
 static int ray_meets(double offset, int i, int j, bool *opened)
 {
     double x = 2 * (i + 0.5) / OPEN_SIDE - 1, y = 1 - 2 * (j + 0.5) / OPEN_SIDE, edge = 2 * 2.0 / OPEN_SIDE;
@@ -521,8 +525,8 @@ static void test_what_opens(void **state)
     leaf_and_wall(&panel);
     for (int k = 0; k < 3 * 2 * LEVELS; k++) {
         double offset = offsets[k % 3];
-        struct sv_camera camera = crown_camera(SV_CELL_NORTH, v, distance, sv_vec3(offset, 0, 0), turn, SV_PI / 2,
-                                               OPEN_SIDE, OPEN_SIDE);
+        struct sv_camera camera = crown_camera(SV_CELL_NORTH, v, distance, sv_vec3(offset, 0, 0), turn,
+                                               SV_PI / 2, OPEN_SIDE, OPEN_SIDE);
         struct sv_crown_source source = {
             .layer = &panel.panel.crowns, .steep = SV_CROWN_STEEP, .opens = k / 3 % 2 == 1};
         struct picture p = picture_make(OPEN_SIDE, OPEN_SIDE);
@@ -543,8 +547,8 @@ static void test_what_opens(void **state)
             gaps += met == 0 && inside(WALL, 2 * (n % OPEN_SIDE + 0.5) / OPEN_SIDE - 1, 0) > 0.1;
         }
         assert_true(gaps > 50 && (seen_open > 50 || fabs(offset) < 0.05));
-        /* Without, the sky is seen in all that opens but corners, which are amid covered pixels: those show what the panel
-         * has there, the leaf. */
+        /* Without, the sky is seen in all that opens but corners, which are amid covered pixels: those show
+         * what the panel has there, the leaf. */
         assert_int_equal(wrong, source.opens ? 0 : seen_open - of_leaf);
         assert_true(20 * of_leaf <= seen_open || fabs(offset) < 0.05);
         free(p.light);

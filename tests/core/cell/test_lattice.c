@@ -102,7 +102,8 @@ static void an_eye_belongs_to_the_nearest_point(void **state)
 static void ties_go_one_way(void **state)
 {
     (void)state;
-    struct sv_cell_rings rings = rings_of(64, 8, 0.0625); /* steps are powers of two: every product is exact */
+    struct sv_cell_rings rings =
+        rings_of(64, 8, 0.0625); /* steps are powers of two: every product is exact */
     double s = rings.pitch * rings.distance_m[0];
     int ties = 0;
     for (int code = 0; code < 9 * 9 * 9; code++) {
@@ -229,7 +230,8 @@ static void every_segment_is_in_one_ring(void **state)
             if (n % 3 == 0) /* exactly on a cube's plane */
                 foot.x = chain[n % rings.count].v.x + rings.distance_m[n % rings.count];
             double height = sv_rng_range(&rng, 0, 45), crown = n % 2 ? sv_rng_range(&rng, 0, 20) : 0;
-            double near = rings.distance_m[0] + fmax(fmin(crown - rings.distance_m[0] / 2, rings.distance_m[0] / 2), 0);
+            double near =
+                rings.distance_m[0] + fmax(fmin(crown - rings.distance_m[0] / 2, rings.distance_m[0] / 2), 0);
             int found = sv_cell_in_cube(chain[0].v, near, foot, height), ring = SV_CELL_NEAR;
             for (int r = 0; r < rings.count; r++) {
                 struct sv_cell_shell shell = sv_cell_shell(&rings, &chain[r], top);
@@ -246,6 +248,27 @@ static void every_segment_is_in_one_ring(void **state)
     }
     for (int r = 0; r < 6; r++)
         assert_true(seen[r] > 1000);
+}
+
+/* Where panels show nothing (nearer than half way to V) no crown of theirs reaches, unless it is larger than
+ * D. */
+static void crowns_keep_half_the_distance(void **state)
+{
+    (void)state;
+    struct sv_rng rng = sv_rng_seeded(5, 9);
+    int close = 0;
+    for (int t = 0; t < 200000; t++) {
+        struct sv_cell_shell shell = {
+            .v = random_point(&rng, 1e5), .distance_m = sv_rng_range(&rng, 1, 50), .outer_m = INFINITY};
+        double d = shell.distance_m, crown = sv_rng_range(&rng, 0, d), height = sv_rng_range(&rng, 0, 3 * d);
+        struct sv_vec3 foot = sv_add(shell.v, random_point(&rng, 2.5 * d)), off = sv_sub(foot, shell.v);
+        if (!sv_cell_in_shell(&shell, foot, height, crown))
+            continue;
+        double beside = fmax(fabs(off.x), fabs(off.y)) - crown, apart = fmax(off.z, -(off.z + height));
+        assert_true(fmax(beside, apart) >= 0.5 * d - 1e-9);
+        close += crown > 0.5 * d && fmax(beside, apart) < 0.6 * d;
+    }
+    assert_true(close > 1000);
 }
 
 /* By a grid of points of the box: whether one is in the pyramid, one out of the inner cube, and one in the
@@ -433,6 +456,7 @@ int main(void)
                                        cmocka_unit_test(coordinates_that_are_none_are_refused),
                                        cmocka_unit_test(a_cube_holds_what_meets_it),
                                        cmocka_unit_test(every_segment_is_in_one_ring),
+                                       cmocka_unit_test(crowns_keep_half_the_distance),
                                        cmocka_unit_test(boxes_that_show_are_seen),
                                        cmocka_unit_test(faces_are_cameras),
                                        cmocka_unit_test(keys_differ_where_panels_do),

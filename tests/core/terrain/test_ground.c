@@ -109,6 +109,17 @@ static void make_picture(struct picture *p, struct sv_rng *rng, bool orthographi
                                       .depth = p->depth};
 }
 
+/* From straight above, white, and nothing else: shares of sunlight are shares of the picture's light. */
+static void light_by_sun_alone(struct sv_light *light)
+{
+    light->air = false;
+    light->to_sun = sv_vec3(0, 0, 1);
+    for (int c = 0; c < 3; c++) {
+        light->sun_rgb[c] = 1;
+        light->sky_rgb[c] = light->ground_rgb[c] = 0;
+    }
+}
+
 struct place {
     struct sv_vec3 world, to_viewer;
     double depth, distance, pixel_m;
@@ -303,12 +314,7 @@ static void pages_are_as_fine_as_the_rule(void **state)
     sv_shadow_pages_use(pages, &scene);
     for (int pose = 0; pose < 30; pose++) {
         make_picture(&p, &rng, pose % 5 == 4, exp(sv_rng_range(&rng, log(0.01), log(2))), 12);
-        p.light.air = false;
-        p.light.to_sun = sv_vec3(0, 0, 1);
-        for (int c = 0; c < 3; c++) {
-            p.light.sun_rgb[c] = 1;
-            p.light.sky_rgb[c] = p.light.ground_rgb[c] = 0;
-        }
+        light_by_sun_alone(&p.light);
         static uint8_t lit[W * H * 4];
         sv_ground_shade(ground, &p.view, lit);
         p.view.shadows = pages;
@@ -529,12 +535,7 @@ static void refined_pages_have_no_seams(void **state)
                                         .refined = {wave_pages, NULL, (uint64_t)pose + 1}};
         sv_shadow_pages_use(pages, &scene);
         make_picture(&p, &rng, pose % 7 == 4, texel_m * sv_rng_range(&rng, 0.02, 0.15), 3);
-        p.light.air = false;
-        p.light.to_sun = sv_vec3(0, 0, 1);
-        for (int c = 0; c < 3; c++) {
-            p.light.sun_rgb[c] = 1;
-            p.light.sky_rgb[c] = p.light.ground_rgb[c] = 0;
-        }
+        light_by_sun_alone(&p.light);
         sv_ground_shade(ground, &p.view, lit);
         p.view.shadows = pages;
         sv_ground_shade(ground, &p.view, p.rgba);

@@ -130,7 +130,8 @@ static void culling_matches_brute_force(void **state)
         for (uint32_t k = 0; k < list.count; k++)
             drawn[list.entries[k].tree]++;
         for (uint32_t k = 0; k < TREES; k++) {
-            double radius = (double)species[f.trees[k].species].radius, reach = (double)f.trees[k].height_m * radius;
+            double radius = (double)species[f.trees[k].species].radius,
+                   reach = (double)f.trees[k].height_m * radius;
             bool want = !outside(&f.trees[k], radius, eye, planes) &&
                         (!shell || (!in_cube(&f.trees[k], reach, shell->inner, shell->inner_m) &&
                                     in_cube(&f.trees[k], reach, shell->outer, shell->outer_m)));

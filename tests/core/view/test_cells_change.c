@@ -253,8 +253,30 @@ static size_t same_panels(const struct sv_scene *scene, const struct drawer *a, 
     return both;
 }
 
-/* What is drawn after the patch is what a cache that was empty draws; some panels stayed, some went. GL has
- * one context at a time: the warm cache goes on with a renderer of its own. */
+/* Pictures are those of a cache that was empty, after `ready` (NULL: nothing) has seen to it; how many panels
+ * both have. GL has one context at a time: the warm cache goes on with a renderer of its own. */
+static size_t same_as_fresh(struct sv_scene *scene, struct drawer *warm,
+                            void (*ready)(const struct sv_scene *scene, const struct drawer *fresh))
+{
+    struct album a = take(scene, warm), b;
+    sv_renderer_destroy(warm->renderer);
+    struct drawer fresh = drawer_of(scene);
+    if (ready) {
+        b = take(scene, &fresh);
+        put_away(&b);
+        ready(scene, &fresh);
+    }
+    b = take(scene, &fresh);
+    assert_int_equal(differing(&a, &b), 0);
+    size_t same = same_panels(scene, warm, &fresh);
+    drawer_finish(&fresh);
+    warm->renderer = renderer_of(scene, warm->cache);
+    put_away(&a);
+    put_away(&b);
+    return same;
+}
+
+/* What is drawn after the patch is what a cache that was empty draws; some panels stayed, some went. */
 static void check(struct sv_scene *scene, struct drawer *warm, size_t were)
 {
     static struct sv_cell_cache_item items[ITEMS];
@@ -264,16 +286,7 @@ static void check(struct sv_scene *scene, struct drawer *warm, size_t were)
     size_t stayed = list(warm, items);
     if (stayed == were || stayed < were / 4)
         fail_msg("%zu of %zu panels stayed", stayed, were);
-    struct album a = take(scene, warm);
-    sv_renderer_destroy(warm->renderer);
-    struct drawer fresh = drawer_of(scene);
-    struct album b = take(scene, &fresh);
-    assert_int_equal(differing(&a, &b), 0);
-    assert_true(same_panels(scene, warm, &fresh) >= stayed / 2);
-    drawer_finish(&fresh);
-    warm->renderer = renderer_of(scene, warm->cache);
-    put_away(&a);
-    put_away(&b);
+    assert_true(same_as_fresh(scene, warm, NULL) >= stayed / 2);
 }
 
 static void patches_drop_what_they_show_on(void **state)
@@ -354,19 +367,7 @@ static void check_refined(struct sv_scene *scene, struct drawer *warm, size_t we
     refine(scene, warm);
     size_t again = list_shadows(warm, items);
     assert_true(again > stayed);
-    a = take(scene, warm);
-    sv_renderer_destroy(warm->renderer);
-    struct drawer fresh = drawer_of(scene);
-    b = take(scene, &fresh);
-    put_away(&b);
-    refine(scene, &fresh);
-    b = take(scene, &fresh);
-    assert_int_equal(differing(&a, &b), 0);
-    assert_true(same_panels(scene, warm, &fresh) >= stayed);
-    drawer_finish(&fresh);
-    warm->renderer = renderer_of(scene, warm->cache);
-    put_away(&a);
-    put_away(&b);
+    assert_true(same_as_fresh(scene, warm, refine) >= stayed);
 }
 
 static void refined_shadows_follow_patches(void **state)

@@ -11,105 +11,38 @@
 
 #include <cmocka.h>
 
-#include "core/cell/cache.h"
-#include "core/view/cells_refine.h"
-#include "core/view/compare.h"
-#include "tests/core/tree/kept_bakes.h"
-#include "tests/core/view/scene_kit.h"
-
-static const size_t CACHE_BYTES = (size_t)64 << 20;
-
-struct stage {
-    struct sv_scene *scene;
-    struct sv_cell_cache *cache;
-    struct sv_renderer *renderer;
-    struct sv_view_request request;
-    struct sv_resolved_view view;
-    struct sv_draw_stats stats;
-};
+#include "tests/core/view/refine_kit.h"
 
 static int open_stage(void **state)
 {
-    static struct stage s;
-    struct kit_options options = {.width = 65,
-                                  .height = 65,
-                                  .x0 = -160,
-                                  .y0 = -160,
-                                  .z0 = 100,
-                                  .dx = 5,
-                                  .dy = 5,
-                                  .relief_m = 6,
-                                  .seed = 3,
-                                  .species = 1,
-                                  .leaves = 400,
-                                  .trees = 120,
-                                  .spread_m = 120,
-                                  .height_min_m = 5,
-                                  .height_max_m = 9};
-    struct sv_error error = {0};
-    void *memory = aligned_alloc(4096, CACHE_BYTES);
-    s = (struct stage){.scene = kit_scene(&options)};
-    if (sv_cell_cache_make(memory, CACHE_BYTES, &SV_CELL_CACHE_OPTIONS_DEFAULT, &s.cache, &error) ||
-        sv_renderer_create(s.scene, &(struct sv_renderer_options){.store = kept_bakes(), .cells = s.cache},
-                           &s.renderer, &error))
-        fail_msg("%s", error.message);
-    s.request = kit_request();
-    s.request.width = s.request.height = 64;
-    s.request.eye.agl = 30;
-    s.request.pitch_rad = -0.5;
-    s.request.relief = SV_RELIEF_ON;
-    s.request.relief_resolution = 64;
-    s.request.relief_distance_m = 25;
-    s.request.shadows = true;
+    static struct refine_stage s;
+    refine_kit_open(64, 30, &s);
     *state = &s;
     return 0;
 }
 
 static int close_stage(void **state)
 {
-    struct stage *s = *state;
-    sv_renderer_destroy(s->renderer);
-    free(s->cache);
-    kit_free(s->scene);
+    refine_kit_close(*state);
     return 0;
 }
 
-static struct sv_image draw(struct stage *s)
+static struct sv_cells_refine_report refine_by(struct refine_stage *s, int samples, int rows)
 {
-    struct sv_error error = {0};
-    struct sv_picture picture;
-    if (sv_view_resolve(s->scene, &s->request, &s->view, NULL, &error) ||
-        sv_renderer_draw(s->renderer, &s->request, &s->view, &picture, NULL, &s->stats, &error))
-        fail_msg("%s: %s", error.field, error.message);
-    return picture.layer[SV_LAYER_COLOR];
+    return refine_kit_refine(s, (struct sv_cells_refine_options){.samples = samples, .most = UINT32_MAX},
+                             rows);
 }
 
-static bool after_rows(void *context)
-{
-    return --*(int *)context <= 0;
-}
-
-static struct sv_cells_refine_report refine_by(struct stage *s, int samples, int rows)
-{
-    struct sv_error error = {0};
-    struct sv_cells_refine_report report;
-    struct sv_cells_refine_options options = {
-        .samples = samples, .scale = 1, .most = UINT32_MAX, .stop = after_rows, .context = &rows};
-    if (sv_renderer_refine_cells(s->renderer, &s->request, &s->view, &options, &report, &error))
-        fail_msg("%s: %s", error.field, error.message);
-    return report;
-}
-
-static struct sv_cells_refine_report refine(struct stage *s, int rows)
+static struct sv_cells_refine_report refine(struct refine_stage *s, int rows)
 {
     return refine_by(s, 4, rows);
 }
 
 static void test_goes_on(void **state)
 {
-    struct stage *s = *state;
+    struct refine_stage *s = *state;
     struct sv_cell_cache_stats stats;
-    struct sv_image built = draw(s), again, refined;
+    struct sv_image built = refine_kit_draw(s), again, refined;
     assert_true(s->stats.cell.built > 0);
     uint32_t panels = s->stats.cell.built, whole = 0;
     struct sv_cells_refine_report report = refine(s, 10);
@@ -118,7 +51,7 @@ static void test_goes_on(void **state)
     uint32_t first_left = report.left;
     sv_cell_cache_stats(s->cache, &stats);
     assert_int_equal(stats.building, 1);
-    again = draw(s); /* from what is built, while a panel is begun */
+    again = refine_kit_draw(s); /* from what is built, while a panel is begun */
     assert_int_equal(s->stats.cell.hits, panels);
     assert_int_equal(s->stats.cell.refined, panels - first_left); /* those that show nothing */
     assert_memory_equal(built.data, again.data, sv_image_bytes(&built));
@@ -134,7 +67,7 @@ static void test_goes_on(void **state)
     }
     whole += report.refined;
     assert_int_equal(whole, first_left);
-    refined = draw(s);
+    refined = refine_kit_draw(s);
     assert_true(sv_cell_use_refined(&s->stats.cell));
     assert_true(memcmp(built.data, refined.data, sv_image_bytes(&built)) != 0);
     report = refine(s, 1000);
@@ -150,21 +83,14 @@ static void test_goes_on(void **state)
 }
 
 /* The view ray cast by so many samples a pixel. */
-static struct sv_image cast(const struct stage *s, int samples)
+static struct sv_image cast(const struct refine_stage *s, int samples)
 {
-    struct stage other = *s;
-    other.request.trees = SV_TREES_RAYCAST;
-    other.request.relief = SV_RELIEF_OFF;
-    other.request.samples = samples;
-    return draw(&other);
+    return refine_kit_draw_as(s, SV_RELIEF_OFF, SV_TREES_RAYCAST, samples);
 }
 
 static struct sv_compare_result compare(struct sv_image picture, const struct sv_image *truth)
 {
-    struct sv_error error = {0};
-    struct sv_compare_result r;
-    if (sv_compare(&picture, truth, &SV_COMPARE_OPTIONS_DEFAULT, &r, &error))
-        fail_msg("%s", error.message);
+    struct sv_compare_result r = refine_kit_compare(&picture, truth);
     sv_image_free(&picture);
     return r;
 }
@@ -172,15 +98,15 @@ static struct sv_compare_result compare(struct sv_image picture, const struct sv
 /* Texels of about a pixel, each the mean of 16 samples. */
 static void test_nearer_to_the_truth(void **state)
 {
-    struct stage *s = *state;
-    struct stage kept = *s;
+    struct refine_stage *s = *state;
+    struct refine_stage kept = *s;
     s->request.width = s->request.height = 110;
     s->request.relief_resolution = 220;
     struct sv_image truth = cast(s, 64);
-    struct sv_compare_result built = compare(draw(s), &truth), four = compare(cast(s, 4), &truth);
+    struct sv_compare_result built = compare(refine_kit_draw(s), &truth), four = compare(cast(s, 4), &truth);
     for (int calls = 0; refine_by(s, 16, 100).left > 0 && calls < 1000; calls++)
         ;
-    struct sv_compare_result refined = compare(draw(s), &truth);
+    struct sv_compare_result refined = compare(refine_kit_draw(s), &truth);
     printf(
         "mean, SSIM, gradient: built %.3f %.4f %.3f, refined %.3f %.4f %.3f, four samples %.3f %.4f %.3f\n",
         built.mean_abs, built.ssim, built.gradient_ratio, refined.mean_abs, refined.ssim,
@@ -196,10 +122,10 @@ static void test_nearer_to_the_truth(void **state)
 /* Another scene, or a view that does not use the panel: what is begun goes, and nothing stays reserved. */
 static void test_lets_go(void **state)
 {
-    struct stage *s = *state;
+    struct refine_stage *s = *state;
     struct sv_cell_cache_stats stats;
     sv_cell_cache_clear(s->cache);
-    struct sv_image picture = draw(s);
+    struct sv_image picture = refine_kit_draw(s);
     sv_image_free(&picture);
     assert_true(refine(s, 10).left > 0);
     s->scene->version++;

@@ -14,58 +14,16 @@
 
 #include "core/cell/panel.h"
 #include "core/truth/sunlight.h"
-#include "core/view/cells_refine.h"
 #include "core/view/cells_shadow.h"
-#include "core/view/compare.h"
-#include "tests/core/tree/kept_bakes.h"
-#include "tests/core/view/scene_kit.h"
+#include "tests/core/view/refine_kit.h"
 
 enum { SIDE = 128, ITEMS = 4096, PAGE = SV_SHADOW_PAGE_SIDE, STEP = SV_SHADOW_PAGE_STEP };
-static const size_t CACHE_BYTES = (size_t)64 << 20;
-
-struct stage {
-    struct sv_scene *scene;
-    struct sv_cell_cache *cache;
-    struct sv_renderer *renderer;
-    struct sv_view_request request;
-    struct sv_resolved_view view;
-    struct sv_draw_stats stats;
-};
 
 /* An eye of a walker, among trees. */
 static int open_stage(void **state)
 {
-    static struct stage s;
-    struct kit_options options = {.width = 65,
-                                  .height = 65,
-                                  .x0 = -160,
-                                  .y0 = -160,
-                                  .z0 = 100,
-                                  .dx = 5,
-                                  .dy = 5,
-                                  .relief_m = 6,
-                                  .seed = 3,
-                                  .species = 1,
-                                  .leaves = 400,
-                                  .trees = 120,
-                                  .spread_m = 120,
-                                  .height_min_m = 5,
-                                  .height_max_m = 9};
-    struct sv_error error = {0};
-    void *memory = aligned_alloc(4096, CACHE_BYTES);
-    s = (struct stage){.scene = kit_scene(&options)};
-    if (sv_cell_cache_make(memory, CACHE_BYTES, &SV_CELL_CACHE_OPTIONS_DEFAULT, &s.cache, &error) ||
-        sv_renderer_create(s.scene, &(struct sv_renderer_options){.store = kept_bakes(), .cells = s.cache},
-                           &s.renderer, &error))
-        fail_msg("%s", error.message);
-    s.request = kit_request();
-    s.request.width = s.request.height = SIDE;
-    s.request.eye.agl = 1.7;
-    s.request.pitch_rad = -0.5;
-    s.request.relief = SV_RELIEF_ON;
-    s.request.relief_resolution = 64;
-    s.request.relief_distance_m = 25;
-    s.request.shadows = true;
+    static struct refine_stage s;
+    refine_kit_open(SIDE, 1.7, &s);
     s.request.has_sun_azimuth = s.request.has_sun_elevation = true;
     s.request.sun_azimuth_rad = 2;
     s.request.sun_elevation_rad = 0.6;
@@ -75,60 +33,23 @@ static int open_stage(void **state)
 
 static int close_stage(void **state)
 {
-    struct stage *s = *state;
-    sv_renderer_destroy(s->renderer);
-    free(s->cache);
-    kit_free(s->scene);
+    refine_kit_close(*state);
     return 0;
 }
 
-static struct sv_image draw(struct stage *s)
+static struct sv_cells_refine_report refine(struct refine_stage *s, int rows, uint32_t most)
 {
-    struct sv_error error = {0};
-    struct sv_picture picture;
-    if (sv_view_resolve(s->scene, &s->request, &s->view, NULL, &error) ||
-        sv_renderer_draw(s->renderer, &s->request, &s->view, &picture, NULL, &s->stats, &error))
-        fail_msg("%s: %s", error.field, error.message);
-    return picture.layer[SV_LAYER_COLOR];
-}
-
-static struct sv_image draw_as(const struct stage *s, enum sv_relief_mode relief, enum sv_trees trees,
-                               int samples)
-{
-    struct stage other = *s;
-    other.request.relief = relief;
-    other.request.trees = trees;
-    other.request.samples = samples;
-    return draw(&other);
-}
-
-static bool after_rows(void *context)
-{
-    return --*(int *)context <= 0;
-}
-
-static struct sv_cells_refine_report refine(struct stage *s, int rows, uint32_t most)
-{
-    struct sv_error error = {0};
-    struct sv_cells_refine_report report;
-    struct sv_cells_refine_options options = {
-        .samples = 16, .scale = 1, .shadows_alone = true, .most = most, .stop = after_rows, .context = &rows};
-    if (sv_renderer_refine_cells(s->renderer, &s->request, &s->view, &options, &report, &error))
-        fail_msg("%s: %s", error.field, error.message);
-    return report;
+    return refine_kit_refine(
+        s, (struct sv_cells_refine_options){.samples = 16, .shadows_alone = true, .most = most}, rows);
 }
 
 static double off(const struct sv_image *a, const struct sv_image *truth)
 {
-    struct sv_error error = {0};
-    struct sv_compare_result r;
-    if (sv_compare(a, truth, &SV_COMPARE_OPTIONS_DEFAULT, &r, &error))
-        fail_msg("%s", error.message);
-    return r.mean_abs;
+    return refine_kit_compare(a, truth).mean_abs;
 }
 
 /* Items of the cache that are pages of shadow come first. */
-static size_t pages_of(const struct stage *s, struct sv_cell_cache_item items[ITEMS])
+static size_t pages_of(const struct refine_stage *s, struct sv_cell_cache_item items[ITEMS])
 {
     size_t count = sv_cell_cache_list(s->cache, 0, items, ITEMS), kept = 0;
     assert_true(count <= ITEMS);
@@ -140,16 +61,17 @@ static size_t pages_of(const struct stage *s, struct sv_cell_cache_item items[IT
 
 static void test_goes_on(void **state)
 {
-    struct stage *s = *state;
+    struct refine_stage *s = *state;
     static struct sv_cell_cache_item items[ITEMS];
     struct sv_cell_cache_stats stats;
-    struct sv_image built = draw(s), direct = draw_as(s, SV_RELIEF_OFF, SV_TREES_AUTO, 1), again;
+    struct sv_image built = refine_kit_draw(s),
+                    direct = refine_kit_draw_as(s, SV_RELIEF_OFF, SV_TREES_AUTO, 1), again;
     assert_true(s->stats.cell.built > 0 && s->stats.cell.shadows_left);
     struct sv_cells_refine_report report = refine(s, 10, UINT32_MAX);
     assert_int_equal(report.refined, 0);
     uint32_t first_left = report.left;
     assert_true(first_left > 20);
-    again = draw(s); /* while a page is begun */
+    again = refine_kit_draw(s); /* while a page is begun */
     assert_memory_equal(built.data, again.data, sv_image_bytes(&built));
     sv_image_free(&again);
     /* A page has 128 rows, ten of them were cast: 117 more do not make it whole, one more does. */
@@ -165,7 +87,7 @@ static void test_goes_on(void **state)
     int coarsest = -99, coarser = 0;
     for (int k = 0; k < 13; k++)
         coarsest = items[k].label.parts.place.k > coarsest ? items[k].label.parts.place.k : coarsest;
-    struct sv_image begun = draw(s);
+    struct sv_image begun = refine_kit_draw(s);
     assert_true(s->stats.cell.shadows_left);
     assert_true(memcmp(begun.data, built.data, sv_image_bytes(&built)) != 0);
     report = refine(s, 1000000, UINT32_MAX);
@@ -176,12 +98,13 @@ static void test_goes_on(void **state)
     for (uint32_t k = 0; k < first_left; k++)
         coarser += items[k].label.parts.place.k >= coarsest;
     assert_true(coarser >= (int)first_left - 12); /* the finest came first */
-    struct sv_image truth = draw_as(s, SV_RELIEF_OFF, SV_TREES_RAYCAST, 64), refined = draw(s);
+    struct sv_image truth = refine_kit_draw_as(s, SV_RELIEF_OFF, SV_TREES_RAYCAST, 64),
+                    refined = refine_kit_draw(s);
     assert_int_equal(s->stats.cell.shadows_left, 0);
     print_message("%u pages; off the truth by %.3f as built, %.3f refined\n", first_left, off(&built, &truth),
                   off(&refined, &truth));
     assert_true(off(&refined, &truth) < 0.9 * off(&built, &truth));
-    again = draw_as(s, SV_RELIEF_OFF, SV_TREES_AUTO, 1);
+    again = refine_kit_draw_as(s, SV_RELIEF_OFF, SV_TREES_AUTO, 1);
     assert_memory_equal(direct.data, again.data, sv_image_bytes(&direct));
     sv_image_free(&again);
     kit_keep(&built, "shadows-built");
@@ -191,7 +114,7 @@ static void test_goes_on(void **state)
     sv_image_free(&begun);
     /* Dropped, they are gone for who has read them, too. */
     sv_cell_cache_clear(s->cache);
-    again = draw(s);
+    again = refine_kit_draw(s);
     assert_memory_equal(built.data, again.data, sv_image_bytes(&built));
     assert_true(s->stats.cell.shadows_left);
     sv_cell_cache_stats(s->cache, &stats);
@@ -207,11 +130,11 @@ static void test_goes_on(void **state)
  * both have. */
 static void test_pages_are_the_truths(void **state)
 {
-    struct stage *s = *state;
+    struct refine_stage *s = *state;
     static struct sv_cell_cache_item items[ITEMS];
     struct sv_error error = {0};
     struct sv_truth *truth;
-    struct sv_image picture = draw(s);
+    struct sv_image picture = refine_kit_draw(s);
     sv_image_free(&picture);
     (void)refine(s, 1000000, UINT32_MAX);
     assert_int_equal(sv_truth_create(s->scene, &truth, &error), SV_OK);
@@ -263,17 +186,17 @@ static void test_pages_are_the_truths(void **state)
 /* Eyes that come by find the pages; whole pictures are their bands; another sun finds none. */
 static void test_found_again(void **state)
 {
-    struct stage *s = *state;
+    struct refine_stage *s = *state;
     static struct sv_cell_cache_item items[ITEMS];
-    struct stage near = *s;
+    struct refine_stage near = *s;
     size_t before = pages_of(s, items);
     near.request.heading_rad += 0.3;
-    struct sv_image picture = draw(&near);
+    struct sv_image picture = refine_kit_draw(&near);
     uint32_t more = refine(&near, 1000000, UINT32_MAX).shadows;
     print_message("%zu pages, %u more for a turn of 17 degrees\n", before, more);
     assert_true(more > 0 && more < before / 2);
     sv_image_free(&picture);
-    picture = draw(&near);
+    picture = refine_kit_draw(&near);
     for (int first = 0; first < SIDE; first += 40) {
         struct sv_error error = {0};
         struct sv_renderer_band band = {.row_first = first,
@@ -289,11 +212,11 @@ static void test_found_again(void **state)
     }
     sv_image_free(&picture);
     near.request.sun_azimuth_rad += 0.5;
-    picture = draw(&near);
+    picture = refine_kit_draw(&near);
     assert_true(near.stats.cell.shadows_left);
     sv_image_free(&picture);
     near.request.shadows = false;
-    picture = draw(&near);
+    picture = refine_kit_draw(&near);
     assert_int_equal(near.stats.cell.shadows_left, 0);
     assert_int_equal(refine(&near, 1000000, UINT32_MAX).shadows, 0);
     sv_image_free(&picture);
@@ -303,22 +226,22 @@ static void test_found_again(void **state)
  */
 static void test_lets_go(void **state)
 {
-    struct stage *s = *state;
+    struct refine_stage *s = *state;
     struct sv_cell_cache_stats stats;
     sv_cell_cache_clear(s->cache);
-    struct sv_image picture = draw(s);
+    struct sv_image picture = refine_kit_draw(s);
     sv_image_free(&picture);
     assert_true(refine(s, 10, UINT32_MAX).left > 0);
     sv_cell_cache_stats(s->cache, &stats);
     assert_int_equal(stats.building, 1);
-    struct stage away = *s;
+    struct refine_stage away = *s;
     away.request.pitch_rad = 1.2; /* into the sky */
-    picture = draw(&away);
+    picture = refine_kit_draw(&away);
     sv_image_free(&picture);
     assert_int_equal(refine(&away, 1000000, UINT32_MAX).shadows, 0);
     sv_cell_cache_stats(s->cache, &stats);
     assert_int_equal(stats.building, 0);
-    picture = draw(s);
+    picture = refine_kit_draw(s);
     sv_image_free(&picture);
     assert_true(refine(s, 10, UINT32_MAX).left > 0);
     sv_renderer_destroy(s->renderer);
