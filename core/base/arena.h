@@ -13,7 +13,8 @@
 
 struct sv_arena;
 
-/* Reserves reserve_bytes (rounded up to pages, from 2 MiB on to large ones; 1 .. 2^40). SV_ENOMEM when address space or memfd is refused.
+/* Reserves reserve_bytes (rounded up to pages, from 2 MiB on to large ones; 1 .. 2^40). SV_ENOMEM when
+ * address space or memfd is refused.
  */
 SV_MUST_CHECK enum sv_status sv_arena_create(size_t reserve_bytes, struct sv_arena **arena,
                                              struct sv_error *error);

@@ -39,9 +39,9 @@
  * within SV_CROWN_OPEN px each way. Where the pixel sees that one's depth the panel has something nearer (V
  * could not see there), or nothing, or something farther (V did, and there is a gap). The farthest of those
  * of the first kind, which goes on behind, is shown. Nothing follows for a view from V. (Walks
- * among 5,000 trees, pixels brighter by 40 levels than all within 2 px in the truth, without and with it for the innermost
- * ring of crowns: 811 and 146 beside a crown 3 m away, 4 in direct drawing; 1844, 1638, 1534; 229, 206, 118. Rings
- * farther out gain next to nothing by it: their leaves are small.)
+ * among 5,000 trees, pixels brighter by 40 levels than all within 2 px in the truth, without and with it for
+ * the innermost ring of crowns: 811 and 146 beside a crown 3 m away, 4 in direct drawing; 1844, 1638, 1534;
+ * 229, 206, 118. Rings farther out gain next to nothing by it: their leaves are small.)
  *
  * Results do not depend on the SIMD level, on the order of tiles, or on how a picture is cut into bands: rows
  * of a band are bit for bit those of the whole picture. One thread at a time a buffer; any process. */
@@ -95,9 +95,9 @@ void sv_crown_buffer_destroy(struct sv_crown_buffer *buffer); /* NULL is legal *
 /* A new frame: whatever light is resolved into next lets all light through, as far as splats know, and the
  * buffer is empty. */
 void sv_crown_buffer_begin(struct sv_crown_buffer *buffer);
-/* After begin, where light (of the band) has been gathered before the first ring: what lets none through need not
- * be splatted, but for texels in front of it: front is its window depth, of the band, INFINITY where nothing is to be
- * in front; NULL: nowhere. */
+/* After begin, where light (of the band) has been gathered before the first ring: what lets none through need
+ * not be splatted, but for texels in front of it: front is its window depth, of the band, INFINITY where
+ * nothing is to be in front; NULL: nowhere. */
 void sv_crown_buffer_close(struct sv_crown_buffer *buffer, const float (*light)[4], const float *front);
 /* A new ring of the same frame: empties the buffer (in next to no time). */
 void sv_crown_buffer_clear(struct sv_crown_buffer *buffer);
@@ -106,12 +106,12 @@ void sv_crown_buffer_clear(struct sv_crown_buffer *buffer);
  * pixels that resolve found done since begin may be left out. stats may be NULL. */
 void sv_crown_splat(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
                     struct sv_crown_stats *stats);
-/* After a splat, right before the resolve of the same sources, which ends what this begins: texels in front of what has been gathered, d >= front
- * (as in close), go over it; the rest is left to resolve. Trees of which one is gathered and the
- * other on a panel reach into each other. The nearer surface wins a
- * pixel, not the nearer stem. */
-void sv_crown_resolve_front(const struct sv_crown_source *sources, unsigned count, struct sv_crown_buffer *buffer,
-                            const float *front, float (*light)[4]);
+/* After a splat, right before the resolve of the same sources, which ends what this begins: texels in front
+ * of what has been gathered, d >= front (as in close), go over it; the rest is left to resolve. Trees of
+ * which one is gathered and the other on a panel reach into each other. The nearer surface wins a pixel, not
+ * the nearer stem. */
+void sv_crown_resolve_front(const struct sv_crown_source *sources, unsigned count,
+                            struct sv_crown_buffer *buffer, const float *front, float (*light)[4]);
 /* Front to back: light[p] = {r, g, b linear gathered so far, what still passes}, p over the band, row by row.
  * depth: the window depth of opaque things (0: sky), of the band; NULL: none; a texel of d < depth (1 -
  * tolerance) is left out. The same sources as in the splat. Between begin and begin always the same light. */

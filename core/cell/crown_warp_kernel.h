@@ -36,7 +36,7 @@ struct sv_crown_buffer {
     uint8_t *closed; /* of blocks of 16 x 16 pixels of the band: nothing passes any more */
     uint8_t *shown;  /* ... resolve may find a key there, or beside it, since the last clear */
     float *least;    /* of closed ones: texels of less depth are behind all that has been gathered there */
-    uint8_t *spent;  /* ... something went over some pixel, which is marked as one that lets nothing through */
+    uint8_t *spent; /* ... something went over some pixel, which is marked as one that lets nothing through */
     float (*over)[4]; /* of a row of blocks: light in front of what has been gathered (resolve_front) */
 };
 

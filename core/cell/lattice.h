@@ -14,8 +14,9 @@
  * up to a cell of (2 - 2^-j) s_j about V_j, moved down by as much with V at the top: a pitch of half the
  * radius that a ring's panels bear (region.h) keeps every ring. A cell reaches s_j from its centre along an
  * axis and no farther along any, so |V_j - V_{j+1}| <= s_{j+1} along each axis, 2 s_{j+1} along z with V at
- * the top. Cubes nest where 2 s_{j+1} + D_j <= D_{j+1}, that is pitch <= 1/4; for a tree with a crown the inner one may
- * be larger by D_j / 2 (core/base/shell.h), and they nest where pitch <= 1/8. Plain values, any thread. */
+ * the top. Cubes nest where 2 s_{j+1} + D_j <= D_{j+1}, that is pitch <= 1/4; for a tree with a crown the
+ * inner one may be larger by D_j / 2 (core/base/shell.h), and they nest where pitch <= 1/8. Plain values, any
+ * thread. */
 #ifndef SV_CELL_LATTICE_H
 #define SV_CELL_LATTICE_H
 
@@ -82,9 +83,10 @@ struct sv_cell_shell {
 };
 struct sv_cell_shell sv_cell_shell(const struct sv_cell_rings *rings, const struct sv_cell_place *place,
                                    bool top);
-/* Whether a tree of that axis (as in sv_cell_in_cube), whose crown reaches reach_m around it, belongs to the shell, whose
- * cubes are grown for it (core/base/shell.h). */
-bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, double height_m, double reach_m);
+/* Whether a tree of that axis (as in sv_cell_in_cube), whose crown reaches reach_m around it, belongs to the
+ * shell, whose cubes are grown for it (core/base/shell.h). */
+bool sv_cell_in_shell(const struct sv_cell_shell *shell, struct sv_vec3 foot, double height_m,
+                      double reach_m);
 /* Whether anything in the box (low <= high along each axis) can be seen on the panel of that face: false only
  * where it lies all outside the face's pyramid, all inside the inner cube, or all outside the outer one. What
  * counts for a tree is a box around its axis, crown and shadow. NaN: true. */

@@ -45,8 +45,8 @@ const char *sv_tree_form_name(enum sv_tree_form form);
 bool sv_tree_form_on_canvas(enum sv_tree_form form);
 
 /* Between two cubes with sides along the axes: outside of the inner one, not outside of the outer one. A tree
- * is in a cube when its axis, foot to top, meets it as it is grown for the crown (core/base/shell.h); so nested cubes part
- * a forest into trees that are in one shell each. */
+ * is in a cube when its axis, foot to top, meets it as it is grown for the crown (core/base/shell.h); so
+ * nested cubes part a forest into trees that are in one shell each. */
 struct sv_tree_shell {
     struct sv_vec3 inner, outer; /* centres, world */
     double inner_m, outer_m;     /* half sides; inner_m < 0: none; outer_m = INFINITY: none */
@@ -54,8 +54,9 @@ struct sv_tree_shell {
 
 struct sv_tree_draw_options {
     enum sv_tree_form form;
-    double error_px;  /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
-    double near_scale; /* AUTO: leaves begin at so many times the size at which they would by the ladder, > 0 */
+    double error_px; /* AUTO: trees are sprites where those are off by at most this (ladder.h), > 0 */
+    double
+        near_scale; /* AUTO: leaves begin at so many times the size at which they would by the ladder, > 0 */
     int leaf_samples; /* a pixel, of leaf splats, into a canvas of colour and depth alone: 1, 2, 4, 8, 16;
                          else 1 */
     bool color_only;  /* nobody reads depth, id or normal after this call: blended forms leave them alone */
@@ -79,9 +80,11 @@ SV_MUST_CHECK enum sv_status sv_tree_draw_create(const struct sv_tree_draw_speci
                                                  int species_count, const struct sv_forest *forest,
                                                  struct sv_store *store, struct sv_tree_draw **draw,
                                                  struct sv_error *error);
-/* The forest has changed in place: species as for create, as many as before, with their trees of now. Builds what
- * has got its first tree; what has lost its last one stays. Errors as for create (the drawing is of no use then). */
-SV_MUST_CHECK enum sv_status sv_tree_draw_change(struct sv_tree_draw *draw, const struct sv_tree_draw_species *species,
+/* The forest has changed in place: species as for create, as many as before, with their trees of now. Builds
+ * what has got its first tree; what has lost its last one stays. Errors as for create (the drawing is of no
+ * use then). */
+SV_MUST_CHECK enum sv_status sv_tree_draw_change(struct sv_tree_draw *draw,
+                                                 const struct sv_tree_draw_species *species,
                                                  struct sv_error *error);
 /* What the forest in sunlight needs of a species (shade.h). */
 struct sv_shade_species sv_tree_draw_shade_species(const struct sv_tree_draw *draw, int species);
@@ -90,7 +93,8 @@ void sv_tree_draw_destroy(struct sv_tree_draw *draw);
 SV_MUST_CHECK enum sv_status sv_tree_draw_forest(struct sv_tree_draw *draw, const struct sv_gl_frame *frame,
                                                  const struct sv_tree_draw_options *options,
                                                  struct sv_tree_draw_stats *stats, struct sv_error *error);
-/* How many trees of the shell (NULL: of all) sv_tree_draw_forest would draw; planes as sv_camera_planes gives them. */
+/* How many trees of the shell (NULL: of all) sv_tree_draw_forest would draw; planes as sv_camera_planes gives
+ * them. */
 SV_MUST_CHECK enum sv_status sv_tree_draw_count(struct sv_tree_draw *draw, const struct sv_camera *camera,
                                                 const double planes[5][4], const struct sv_tree_shell *shell,
                                                 uint32_t *count, struct sv_error *error);

@@ -99,8 +99,8 @@ static void box_distances_m(const struct box *box, struct sv_vec3 center, struct
     }
 }
 
-/* Whether trees whose boxes the box holds may be in the shell. An axis is beyond the outer cube by at most what its
- * crown reaches, and the box holds that. */
+/* Whether trees whose boxes the box holds may be in the shell. An axis is beyond the outer cube by at most
+ * what its crown reaches, and the box holds that. */
 static bool may_meet(const struct box *box, const struct sv_tree_shell *shell, struct sv_vec3 eye)
 {
     double inner[2], outer[2];

@@ -151,11 +151,10 @@ static bool has_objects(const struct sv_cells *c)
 static enum sv_status draw_ground_directly(struct sv_cells *c, const struct sv_cells_frame *f,
                                            struct sv_error *error)
 {
-    struct sv_direct_pass pass = {.layers = 1u << SV_LAYER_DEPTH,
-                                  .sky = f->sky,
-                                  .row_first = c->row_first,
-                                  .row_count = c->row_count};
-    struct sv_picture picture = {.layer[SV_LAYER_DEPTH] = {c->width, c->row_count, 1, SV_PIXEL_F32, c->depth}};
+    struct sv_direct_pass pass = {
+        .layers = 1u << SV_LAYER_DEPTH, .sky = f->sky, .row_first = c->row_first, .row_count = c->row_count};
+    struct sv_picture picture = {
+        .layer[SV_LAYER_DEPTH] = {c->width, c->row_count, 1, SV_PIXEL_F32, c->depth}};
     if (has_objects(c)) {
         pass.layers |= 1u << SV_LAYER_COLOR;
         picture.layer[SV_LAYER_COLOR] = (struct sv_image){c->width, c->row_count, 4, SV_PIXEL_U8, c->rgba};
@@ -249,7 +248,8 @@ static void clear_light(struct sv_cells *c, size_t pixels)
 }
 
 /* Trees within the cube of the innermost ring that is drawn from panels are in front of all others: the first
- * light. Where that is the innermost of all, leaves are pixels large: few samples a pixel will do, and one is softened. */
+ * light. Where that is the innermost of all, leaves are pixels large: few samples a pixel will do, and one is
+ * softened. */
 static enum sv_status draw_near(struct sv_cells *c, const struct sv_cells_frame *f,
                                 struct sv_draw_stats *stats, bool *any, struct sv_error *error)
 {
@@ -281,7 +281,8 @@ static enum sv_status draw_near(struct sv_cells *c, const struct sv_cells_frame 
                               c->light, error);
 }
 
-/* Where near trees are, and where nothing of panels can be in front: there are none, or what is seen is not theirs. */
+/* Where near trees are, and where nothing of panels can be in front: there are none, or what is seen is not
+ * theirs. */
 static void set_front(struct sv_cells *c)
 {
     size_t pixels = (size_t)c->row_count * (size_t)c->width;
@@ -304,7 +305,8 @@ static void warp_crowns(struct sv_cells *c, const struct sv_cells_frame *f, bool
             if (s->ring != ring || s->panel.crowns.size == 0)
                 continue;
             sources[count].layer = &s->panel.crowns;
-            sources[count].opens = ring == f->at.crowns_first; /* leaves are many pixels large in none but these */
+            sources[count].opens =
+                ring == f->at.crowns_first; /* leaves are many pixels large in none but these */
             sources[count].steep = s->pin.refined ? SV_CROWN_STEEP_REFINED : SV_CROWN_STEEP;
             sv_crown_map(s->panel.about.place.v, s->panel.about.distance_m, s->face, &f->view->camera, 0, 0,
                          sources[count++].m);

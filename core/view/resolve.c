@@ -49,8 +49,9 @@ static enum sv_status place_xy(const struct sv_scene *scene, const struct sv_vie
     if (status && error)
         snprintf(error->field, sizeof error->field, "crs");
     if (!status && !sv_crs_transform_apply(transform, x, y))
-        status = sv_fail(error, SV_EINVAL, name, "%.10g, %.10g in %s cannot be transformed to the scene's CRS",
-                         place->x, place->y, text);
+        status =
+            sv_fail(error, SV_EINVAL, name, "%.10g, %.10g in %s cannot be transformed to the scene's CRS",
+                    place->x, place->y, text);
     sv_crs_transform_destroy(transform);
     sv_crs_destroy(from);
     return status == SV_EUNSUPPORTED || status == SV_ENOENT ? SV_EINVAL : status;
@@ -69,23 +70,25 @@ static enum sv_status place_resolve(const struct sv_scene *scene, const struct s
                                     (field->y0 + sv_heightfield_y1(field)) / 2, field->z0);
     double z = place->has_z ? place->z : field->z0;
     if (!(sv_length(sv_sub(sv_vec3(x, y, z), centre)) <= eye_distance_max_m))
-        return sv_fail(error, SV_EOUTSIDE, name, "%.10g, %.10g, %.10g is more than %.0f km from the scene", x, y, z,
-                       eye_distance_max_m / 1000);
+        return sv_fail(error, SV_EOUTSIDE, name, "%.10g, %.10g, %.10g is more than %.0f km from the scene", x,
+                       y, z, eye_distance_max_m / 1000);
     out->has_ground = sv_heightfield_height(field, x, y, &out->ground_z);
     if (!place->has_z) {
         if (!out->has_ground)
-            return sv_fail(error, SV_EOUTSIDE, name,
-                           "%.10g, %.10g is outside the terrain (x %.10g .. %.10g, y %.10g .. %.10g in %s): a height "
-                           "above ground has no meaning there; give z",
-                           x, y, field->x0, sv_heightfield_x1(field), field->y0, sv_heightfield_y1(field),
-                           sv_crs_name(scene->crs));
+            return sv_fail(
+                error, SV_EOUTSIDE, name,
+                "%.10g, %.10g is outside the terrain (x %.10g .. %.10g, y %.10g .. %.10g in %s): a height "
+                "above ground has no meaning there; give z",
+                x, y, field->x0, sv_heightfield_x1(field), field->y0, sv_heightfield_y1(field),
+                sv_crs_name(scene->crs));
         z = out->ground_z + place->agl;
     }
     out->at = sv_vec3(x, y, z);
     return SV_OK;
 }
 
-/* Heading and pitch from a to b; false when they coincide. A vertical line of sight keeps heading 0: north up. */
+/* Heading and pitch from a to b; false when they coincide. A vertical line of sight keeps heading 0: north
+ * up. */
 static bool heading_pitch(struct sv_vec3 a, struct sv_vec3 b, double *heading, double *pitch)
 {
     struct sv_vec3 d = sv_sub(b, a);
@@ -127,8 +130,8 @@ static enum sv_status resolve_eye(const struct sv_scene *scene, const struct sv_
         at = sv_madd(target.at, sv_direction(view->heading_rad, view->pitch_rad), -request->range_m);
         eye.has_ground = sv_heightfield_height(&scene->terrain.field, at.x, at.y, &eye.ground_z);
     } else if (view->has_target && !heading_pitch(at, target.at, &view->heading_rad, &view->pitch_rad)) {
-        return sv_fail(error, SV_EINVAL, "target", "the target is where the eye is (%.10g, %.10g, %.10g)", at.x, at.y,
-                       at.z);
+        return sv_fail(error, SV_EINVAL, "target", "the target is where the eye is (%.10g, %.10g, %.10g)",
+                       at.x, at.y, at.z);
     }
     view->heading_rad -= 2 * SV_PI * floor(view->heading_rad / (2 * SV_PI));
     view->camera.eye = at;
@@ -136,8 +139,8 @@ static enum sv_status resolve_eye(const struct sv_scene *scene, const struct sv_
     if (eye.has_ground && at.z < eye.ground_z - underground_slack_m) {
         if (ground_z)
             *ground_z = eye.ground_z;
-        return sv_fail(error, SV_EUNDERGROUND, "z", "the eye at z = %.3f m is under the ground, which is at %.3f m",
-                       at.z, eye.ground_z);
+        return sv_fail(error, SV_EUNDERGROUND, "z",
+                       "the eye at z = %.3f m is under the ground, which is at %.3f m", at.z, eye.ground_z);
     }
     return SV_OK;
 }
@@ -151,8 +154,9 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
     view->sun = scene->sun;
     *status = SV_OK;
     if (request->has_time && !sv_scene_sun_at(scene, request->time_unix_s, &view->sun)) {
-        *status = sv_fail(error, SV_EINVAL, "time",
-                          "the scene has no place on Earth (its CRS is local): give sun_azimuth and sun_elevation");
+        *status =
+            sv_fail(error, SV_EINVAL, "time",
+                    "the scene has no place on Earth (its CRS is local): give sun_azimuth and sun_elevation");
         return;
     }
     if (request->has_sun_azimuth)
@@ -163,12 +167,12 @@ static void resolve_sun(const struct sv_scene *scene, const struct sv_view_reque
 }
 
 /* How much a quality may cost: the screen-space error of the ground, that of trees in their far
- * form (ladder.h), how large the texels of a relief may be, and what holes that open as the eye moves in its cells may
- * change of a picture, levels of 255 (relief_pitch). Flights over 5,000 trees whose steps are 0.2, 0.1, 0.05 and 0.025
- * of their cells' distance are off by 6.27, 6.12, 5.91 and 5.83 levels of 64 samples, and have 105, 189, 294 and 429
- * panels built in 33 frames. Leaves' samples, all and those before panels: walks among 45,000 trees of quality `high` are
- * off by 0.209 levels with 8 of the latter and 0.173 with 16 (SSIM .9977 and .9981), for 251 and 420 ms; the ray cast of four
- * samples by 0.190 (.9972) for 3,400. */
+ * form (ladder.h), how large the texels of a relief may be, and what holes that open as the eye moves in its
+ * cells may change of a picture, levels of 255 (relief_pitch). Flights over 5,000 trees whose steps are 0.2,
+ * 0.1, 0.05 and 0.025 of their cells' distance are off by 6.27, 6.12, 5.91 and 5.83 levels of 64 samples, and
+ * have 105, 189, 294 and 429 panels built in 33 frames. Leaves' samples, all and those before panels: walks
+ * among 45,000 trees of quality `high` are off by 0.209 levels with 8 of the latter and 0.173 with 16 (SSIM
+ * .9977 and .9981), for 251 and 420 ms; the ray cast of four samples by 0.190 (.9972) for 3,400. */
 static const struct {
     double terrain_error_px, tree_error_px, relief_texel_px, relief_holes;
     int leaf_samples, near_samples;
@@ -179,11 +183,11 @@ static const struct {
     [SV_QUALITY_REFERENCE] = {0.0, 0.1, 0, 3, 16, 16},
 };
 
-/* The lattice step of cells that keep the tolerance by the prediction of core/cell/region.h. It must be known before any
- * panel is, and be the same for all that share them: so from jumps of depth that panels have in the mean, in shares of
- * the picture. Sideways, up and forward those of the forest of 9,000 trees, the demo scene and a DEM under 9,000 trees are
- * 2.35, 2.49, 3.79; 2.63, 2.93, 4.41; 1.89, 2.16, 3.18; and a hole counts so many levels that predictions bound what is
- * measured (tests/experiments/cell_region). */
+/* The lattice step of cells that keep the tolerance by the prediction of core/cell/region.h. It must be known
+ * before any panel is, and be the same for all that share them: so from jumps of depth that panels have in
+ * the mean, in shares of the picture. Sideways, up and forward those of the forest of 9,000 trees, the demo
+ * scene and a DEM under 9,000 trees are 2.35, 2.49, 3.79; 2.63, 2.93, 4.41; 1.89, 2.16, 3.18; and a hole
+ * counts so many levels that predictions bound what is measured (tests/experiments/cell_region). */
 static double relief_pitch(double holes)
 {
     static const struct sv_region_panel usual = {SV_CELL_EAST, 2, 1, {2.3, 2.3, 2.5, 2.5, 1.9, 1.9, 1}};
@@ -191,9 +195,10 @@ static double relief_pitch(double holes)
     return sv_region_pitch(&usual, 1, false, &view, holes);
 }
 
-/* Texels of a panel over 90 degrees: the scene's, halved as long as they are no larger than the picture's pixels at the
- * panel's middle (2 F texels for F px of focal length). Finer ones would only be picked from, which is noise: of a
- * forest at 128 x 128 px panels of 1024 are off by 3.6 of 255 in the mean, panels of 256 by 2.0. */
+/* Texels of a panel over 90 degrees: the scene's, halved as long as they are no larger than the picture's
+ * pixels at the panel's middle (2 F texels for F px of focal length). Finer ones would only be picked from,
+ * which is noise: of a forest at 128 x 128 px panels of 1024 are off by 3.6 of 255 in the mean, panels of 256
+ * by 2.0. */
 static int relief_resolution(const struct sv_scene *scene, const struct sv_view_request *request)
 {
     enum { LEAST = 256 };
@@ -206,13 +211,15 @@ static int relief_resolution(const struct sv_scene *scene, const struct sv_view_
     return size;
 }
 
-static void resolve_plan(const struct sv_scene *scene, const struct sv_view_request *request, struct sv_plan *plan)
+static void resolve_plan(const struct sv_scene *scene, const struct sv_view_request *request,
+                         struct sv_plan *plan)
 {
     bool reference = request->quality == SV_QUALITY_REFERENCE;
     plan->raycast = reference || request->trees == SV_TREES_RAYCAST;
     plan->draw_trees = request->trees != SV_TREES_NONE;
     plan->relief = request->relief;
-    plan->relief_distance_m = request->relief_distance_m > 0 ? request->relief_distance_m : scene->relief_distance_m;
+    plan->relief_distance_m =
+        request->relief_distance_m > 0 ? request->relief_distance_m : scene->relief_distance_m;
     plan->relief_resolution = relief_resolution(scene, request);
     plan->relief_pitch = relief_pitch(quality_table[request->quality].relief_holes);
     plan->shadows = request->shadows;
@@ -232,8 +239,9 @@ static double ortho_far(const struct sv_scene *scene, const struct sv_camera *ca
     const struct sv_heightfield *f = &scene->terrain.field;
     double far = 1;
     for (int k = 0; k < 8; k++) {
-        struct sv_vec3 corner = sv_vec3(k & 1 ? sv_heightfield_x1(f) : f->x0, k & 2 ? sv_heightfield_y1(f) : f->y0,
-                                        k & 4 ? f->z0 + f->h_max + 160 : f->z0 + f->h_min - 10);
+        struct sv_vec3 corner =
+            sv_vec3(k & 1 ? sv_heightfield_x1(f) : f->x0, k & 2 ? sv_heightfield_y1(f) : f->y0,
+                    k & 4 ? f->z0 + f->h_max + 160 : f->z0 + f->h_min - 10);
         double z = sv_dot(sv_sub(corner, camera->eye), camera->forward);
         far = fmax(far, z);
     }
@@ -248,8 +256,9 @@ enum sv_status sv_view_resolve(const struct sv_scene *scene, const struct sv_vie
     resolve_plan(scene, request, &view.plan);
     enum sv_status status = SV_OK;
     if (request->north_true && sv_crs_is_local(scene->crs))
-        status = sv_fail(error, SV_EINVAL, "north",
-                         "the scene has no place on Earth (its CRS is local): north=true has no meaning; use grid");
+        status = sv_fail(
+            error, SV_EINVAL, "north",
+            "the scene has no place on Earth (its CRS is local): north=true has no meaning; use grid");
     if (!status)
         status = resolve_eye(scene, request, &view, ground_z, error);
     if (!status)
@@ -266,7 +275,8 @@ enum sv_status sv_view_resolve(const struct sv_scene *scene, const struct sv_vie
     sv_camera_aim(camera, view.heading_rad, view.pitch_rad, view.roll_rad);
     if (camera->projection == SV_PROJECTION_ORTHOGRAPHIC)
         camera->far_m = ortho_far(scene, camera);
-    view.has_lonlat = sv_crs_to_lonlat(scene->crs, camera->eye.x, camera->eye.y, &view.lon_deg, &view.lat_deg);
+    view.has_lonlat =
+        sv_crs_to_lonlat(scene->crs, camera->eye.x, camera->eye.y, &view.lon_deg, &view.lat_deg);
     view.air = request->air;
     struct sv_view_rings rings;
     view.cell = sv_view_rings(&view, &rings) ? rings.chain[rings.rings.count - 1].v : camera->eye;
