@@ -55,15 +55,21 @@ void refine_kit_close(struct refine_stage *stage)
     kit_free(stage->scene);
 }
 
-struct sv_image refine_kit_draw(struct refine_stage *stage)
+struct sv_image refine_kit_draw_layer(struct refine_stage *stage, enum sv_layer layer)
 {
     struct sv_error error = {0};
     struct sv_picture picture;
+    stage->request.layers = 1u << layer;
     if (sv_view_resolve(stage->scene, &stage->request, &stage->view, NULL, &error) ||
         sv_renderer_draw(stage->renderer, &stage->request, &stage->view, &picture, NULL, &stage->stats,
                          &error))
         fail_msg("%s: %s", error.field, error.message);
-    return picture.layer[SV_LAYER_COLOR];
+    return picture.layer[layer];
+}
+
+struct sv_image refine_kit_draw(struct refine_stage *stage)
+{
+    return refine_kit_draw_layer(stage, SV_LAYER_COLOR);
 }
 
 struct sv_image refine_kit_draw_as(const struct refine_stage *stage, enum sv_relief_mode relief,

@@ -20,6 +20,7 @@ void refine_kit_open(int side, double agl_m, struct refine_stage *stage);
 void refine_kit_close(struct refine_stage *stage);
 /* The stage's view; the caller's to free. */
 struct sv_image refine_kit_draw(struct refine_stage *stage);
+struct sv_image refine_kit_draw_layer(struct refine_stage *stage, enum sv_layer layer);
 /* The same in another form. */
 struct sv_image refine_kit_draw_as(const struct refine_stage *stage, enum sv_relief_mode relief,
                                    enum sv_trees trees, int samples);

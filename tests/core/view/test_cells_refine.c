@@ -11,6 +11,8 @@
 
 #include <cmocka.h>
 
+#include "core/scene/id.h"
+#include "core/view/rings.h"
 #include "tests/core/view/refine_kit.h"
 
 static int open_stage(void **state)
@@ -119,6 +121,76 @@ static void test_nearer_to_the_truth(void **state)
     sv_image_free(&truth);
 }
 
+/* Whether the pixel shows a tree that is drawn before panels. */
+static bool is_near(const struct sv_scene *scene, const struct sv_view_rings *at, uint32_t id)
+{
+    for (uint32_t k = 0; k < scene->forest.count; k++) {
+        const struct sv_tree *t = &scene->forest.trees[k];
+        double height = (double)t->height_m, reach = height * (double)scene->species[t->species].mesh.radius;
+        if (t->number + SV_ID_TREE_FIRST == id)
+            return sv_cell_ring_of(&at->rings, at->chain, sv_vec3(t->x, t->y, t->z), height, reach) <
+                   at->crowns_first;
+    }
+    return false;
+}
+
+/* What is near is drawn leaf by leaf before panels: one softened sample a pixel, or, of quality=high, as many
+ * as in a picture that is drawn directly. Of pixels amid such trees, the mean difference from one, of 255. */
+static double off_direct(struct refine_stage *s, enum sv_quality quality, long *pixels)
+{
+    enum { AROUND = 2 };
+    struct sv_view_rings at;
+    struct refine_stage direct = *s;
+    s->request.quality = direct.request.quality = quality;
+    direct.request.relief = SV_RELIEF_OFF;
+    struct sv_image cells = refine_kit_draw(s), other = refine_kit_draw(&direct);
+    struct sv_image id = refine_kit_draw_layer(&direct, SV_LAYER_ID);
+    assert_true(sv_view_rings(&s->view, &at));
+    int side = cells.width;
+    double sum = 0;
+    for (int k = 0; k < side * side; k++) {
+        int x = k % side, y = k / side, near = 0;
+        if (x < AROUND || y < AROUND || x >= side - AROUND || y >= side - AROUND)
+            continue;
+        for (int j = -AROUND; j <= AROUND; j++)
+            for (int i = -AROUND; i <= AROUND; i++)
+                near += is_near(s->scene, &at, ((const uint32_t *)id.data)[k + j * side + i]);
+        if (near < (2 * AROUND + 1) * (2 * AROUND + 1))
+            continue;
+        ++*pixels;
+        for (int c = 0; c < 3; c++)
+            sum += abs(((const uint8_t *)cells.data)[4 * k + c] - ((const uint8_t *)other.data)[4 * k + c]) /
+                   3.0;
+    }
+    sv_image_free(&cells);
+    sv_image_free(&other);
+    sv_image_free(&id);
+    return sum;
+}
+
+static void test_near_trees_by_quality(void **state)
+{
+    struct refine_stage near = *(struct refine_stage *)*state;
+    double off[2] = {0, 0};
+    long pixels[2] = {0, 0};
+    near.request.width = near.request.height = 128;
+    near.request.relief_resolution = 128;
+    near.request.shadows = false;
+    for (int k = 0; k < 4; k++) { /* at four trees, from the south */
+        const struct sv_tree *tree = &near.scene->forest.trees[k * 30];
+        near.request.eye.x = tree->x;
+        near.request.eye.y = tree->y - 5;
+        near.request.eye.agl = 3;
+        near.request.heading_rad = near.request.pitch_rad = 0;
+        off[0] += off_direct(&near, SV_QUALITY_BALANCED, &pixels[0]);
+        off[1] += off_direct(&near, SV_QUALITY_HIGH, &pixels[1]);
+    }
+    printf("amid near trees off from direct drawing by %.3f of %ld pixels, high %.3f of %ld\n",
+           off[0] / (double)pixels[0], pixels[0], off[1] / (double)pixels[1], pixels[1]);
+    assert_true(pixels[0] > 2000 && pixels[1] > 2000);
+    assert_true(off[1] / (double)pixels[1] < 0.5 && off[0] / (double)pixels[0] > 1);
+}
+
 /* Another scene, or a view that does not use the panel: what is begun goes, and nothing stays reserved. */
 static void test_lets_go(void **state)
 {
@@ -144,8 +216,8 @@ static void test_lets_go(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_goes_on),
-                                       cmocka_unit_test(test_nearer_to_the_truth),
-                                       cmocka_unit_test(test_lets_go)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_goes_on), cmocka_unit_test(test_nearer_to_the_truth),
+        cmocka_unit_test(test_near_trees_by_quality), cmocka_unit_test(test_lets_go)};
     return cmocka_run_group_tests(tests, open_stage, close_stage);
 }
